@@ -1,0 +1,62 @@
+"""RayEffect: one kind of light that rays can bring - shadows, reflections, refractions, ... Declared, then executed."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from phrt.frame import Frame
+    from phrt.world import World
+
+
+@dataclass(frozen=True)
+class LayerSpec:
+    """A layer an effect writes. `components` 0 means one component per light of the scene."""
+
+    name: str
+    components: int
+    clear: float
+    meaning: str
+
+
+@dataclass(frozen=True)
+class EffectResult:
+    """values: (n, components) float32, in the order of the pixels asked for; rays: how many were really traced."""
+
+    values: np.ndarray
+    rays: int
+
+
+class RayEffect(ABC):
+    """Contract: constructed from its pydantic options; everything but `trace` and `fallback` is cheap and repeatable.
+    `trace` is called from several threads with disjoint pixels, and must give the same values for a pixel whatever
+    the other pixels of the call are (randomness is seeded by pixel, sample and frame)."""
+
+    name: str
+    reads: tuple[str, ...]
+    """G-buffer channels it needs."""
+    writes: LayerSpec
+
+    @abstractmethod
+    def applies_to(self, world: World) -> np.ndarray:
+        """(materials,) bool: does tracing this effect change anything on surfaces of that material?"""
+
+    @abstractmethod
+    def rays_per_pixel(self, world: World) -> float:
+        """Expected rays for one pixel of a surface it applies to: Q of the paper before it is measured."""
+
+    @abstractmethod
+    def trace(self, frame: Frame, pixels: np.ndarray) -> EffectResult:
+        """Values of this effect's layer at `pixels` ((n,) int32, flat indices, tile order) by ray tracing."""
+
+    def prepare_fallback(self, frame: Frame) -> None:
+        """Called when the scene was built or changed: capture probes, render shadow maps."""
+        return None
+
+    @abstractmethod
+    def fallback(self, frame: Frame, pixels: np.ndarray) -> np.ndarray:
+        """(n, components) float32: what `pixels` get when they are not traced."""

@@ -1,0 +1,82 @@
+"""Heuristic: decides, item by item, what is ray traced in this frame."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from phrt.world import World
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """The work items of one frame, as a struct of arrays; item i is row i of every array. n items.
+
+    object_id     : (n,) int32, 1-based scene object
+    effect        : (n,) int32, index into `effect_names`
+    pixel_count   : (n,) int32, visible pixels the effect applies to
+    ray_estimate  : (n,) float32, Q, expected rays per pixel
+    mandatory     : (n,) bool, the scene says "always"
+    area          : (n,) float32, A, visible pixels / all pixels
+    The paper's other letters (P, D, V, C, K, S, R) join as further arrays of this struct.
+    """
+
+    effect_names: tuple[str, ...]
+    object_id: np.ndarray
+    effect: np.ndarray
+    pixel_count: np.ndarray
+    ray_estimate: np.ndarray
+    mandatory: np.ndarray
+    area: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.object_id)
+
+
+@dataclass(frozen=True)
+class FrameContext:
+    """What the paper lets a heuristic look at besides the candidates: scene, time, and external parameters."""
+
+    world: World
+    frame_index: int
+    time: float
+    budget: float
+    parameters: dict[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What tracing an item really took: pixels traced, rays, milliseconds; `complete` when no pixel is left."""
+
+    pixels: int
+    rays: int
+    milliseconds: float
+    complete: bool
+
+
+class Heuristic(ABC):
+    """Contract: one call sequence per frame, from one thread: `begin_frame`, then `next` and `report` in any
+    interleaving (an item may be reported after later ones were asked for), then `end_frame`."""
+
+    @abstractmethod
+    def begin_frame(self, candidates: Candidates, context: FrameContext) -> None:
+        """A new frame: look at the candidates."""
+
+    @abstractmethod
+    def next(self, remaining: float) -> int | None:
+        """The next item to trace (a row of the candidates, each at most once), or None when nothing should follow.
+
+        remaining: what is left of the budget, in its unit; +inf without one.
+        """
+
+    def report(self, item: int, outcome: Outcome) -> None:
+        """Item `item` was traced, at this price."""
+        return None
+
+    def end_frame(self) -> None:
+        """No more items this frame."""
+        return None

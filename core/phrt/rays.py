@@ -1,0 +1,38 @@
+"""Rays and hits, as plain arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class RayBatch:
+    """n rays. Everything float32 and C-contiguous.
+
+    origin    : (n, 3) world space, metres
+    direction : (n, 3) world space, unit length
+    t_max     : (n,)   metres; hits at or beyond it do not count; +inf for no limit
+    """
+
+    origin: np.ndarray
+    direction: np.ndarray
+    t_max: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.origin)
+
+
+@dataclass(frozen=True)
+class HitBatch:
+    """The nearest hit of n rays.
+
+    distance    : (n,)   float32, metres along the ray; +inf for a miss
+    primitive   : (n,)   uint32, triangle of the scene (`World.triangles`); `NO_PRIMITIVE` for a miss
+    barycentric : (n, 2) float32, weights of the triangle's second and third vertex
+    """
+
+    distance: np.ndarray
+    primitive: np.ndarray
+    barycentric: np.ndarray

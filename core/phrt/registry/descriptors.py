@@ -1,0 +1,76 @@
+"""Descriptors: what a plugin says about itself before anything of it is imported."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from pydantic import BaseModel, ConfigDict
+
+PLUGIN_API_VERSION = 1
+
+
+class Options(BaseModel):
+    """Base of every plugin's options: one `Field` holds an option's default, range, unit and meaning."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def always_available() -> str | None:
+    """The `unavailable_reason` of plugins that need nothing special."""
+    return None
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """name: what configs say. summary: one line. factory: "module:Class", imported when first used and called with
+    the options. unavailable_reason: None, or why it cannot run here and what to install; it must import nothing heavy."""
+
+    name: str
+    summary: str
+    factory: str
+    options: type[Options] = Options
+    unavailable_reason: Callable[[], str | None] = always_available
+    api_version: int = PLUGIN_API_VERSION
+
+
+@dataclass(frozen=True)
+class GBufferPlugin(Plugin):
+    """Makes a `phrt.interfaces.gbuffer.GBufferProducer`. Factories of producers that trace take `tracer=`."""
+
+    needs_tracer: bool = False
+
+
+@dataclass(frozen=True)
+class TracerPlugin(Plugin):
+    """Makes a `phrt.interfaces.tracer.Tracer`."""
+
+
+@dataclass(frozen=True)
+class EffectPlugin(Plugin):
+    """Makes a `phrt.interfaces.effect.RayEffect`. `order` is its place in the list of default effects."""
+
+    order: int = 100
+
+
+@dataclass(frozen=True)
+class HeuristicPlugin(Plugin):
+    """Makes a `phrt.interfaces.heuristic.Heuristic`."""
+
+
+@dataclass(frozen=True)
+class LoaderPlugin(Plugin):
+    """Makes a `phrt.interfaces.loader.Loader`. suffixes: file name endings it reads, with the dot, lower case;
+    a procedural loader has none and is asked for by name."""
+
+    suffixes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class MetricPlugin(Plugin):
+    """Makes an image metric (used by the benchmark harness)."""
+
+
+@dataclass(frozen=True)
+class CommandPlugin(Plugin):
+    """Makes a typer application that becomes `phrt NAME`."""
