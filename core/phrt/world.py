@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phrt.animation import node_matrices
+from phrt.animation import Animator
 from phrt.camera import CameraView
 from phrt.environment import Environment
 from phrt.geometry import FlatGeometry, flatten
@@ -51,7 +51,8 @@ class World:
         refs = texture_refs(scene.materials)
         self.textures: TextureAtlas = build_atlas(scene.images, refs)
         self.materials = material_table(scene.materials, self.textures.rows)
-        self.node_matrix = node_matrices(scene, time)
+        self.animator = Animator(scene)
+        self.node_matrix = self.animator.world_from_node(time)
         self.overrides: dict[int, np.ndarray] = {}
         geometry: FlatGeometry = flatten(scene, self.node_matrix)
         self.geometry = geometry
@@ -66,12 +67,17 @@ class World:
         self.local_positions = geometry.local_positions
         self.first_vertex, self.vertex_count = geometry.first_vertex, geometry.vertex_count
         self.first_triangle, self.triangle_count = geometry.first_triangle, geometry.triangle_count
-        self.object_matrix = geometry.object_matrix
+
         self.object_casts_shadow = np.array([False, *(o.casts_shadow for o in scene.objects)])
         self.object_materials = object_material_mask(geometry, len(self.materials))
         self.object_opaque = ~self.object_has(self.material_lets_light_through())
         self.lights = light_table(scene.lights, self.node_matrix)
         self.environment = Environment.from_dome(scene.dome)
+
+    @property
+    def object_matrix(self) -> np.ndarray:
+        """(N + 1, 4, 4) float64 world_from_local of every object now."""
+        return self.geometry.object_matrix
 
     @property
     def object_count(self) -> int:
@@ -112,8 +118,8 @@ class World:
     def advance(self, time: float) -> Changes:
         """Move to `time` seconds, rewrite what moved in place, and say what it was."""
         self.time = time
-        self.node_matrix = node_matrices(self.scene, time)
-        moved = self.geometry.move(self.scene, self.node_matrix, self.overrides)
+        self.node_matrix = self.animator.world_from_node(time)
+        moved = self.geometry.move(self.node_matrix, self.overrides)
         lights = light_table(self.scene.lights, self.node_matrix)
         lights_changed = lights.tobytes() != self.lights.tobytes()
         self.lights = lights
