@@ -10,5 +10,5 @@ FASTMATH = {"nsz", "arcp", "contract", "afn", "reassoc"}
 kernel = numba.njit(nogil=True, cache=True, fastmath=FASTMATH, error_model="numpy")
 """A function over arrays, called from Python."""
 
-device = numba.njit(nogil=True, cache=True, fastmath=FASTMATH, error_model="numpy", inline="never")
+device = numba.njit(nogil=True, fastmath=FASTMATH, error_model="numpy", inline="never")
 """A scalar function, called from kernels; LLVM inlines it where that pays."""

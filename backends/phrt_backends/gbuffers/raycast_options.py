@@ -1,0 +1,11 @@
+"""Options of the raycast producer."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from phrt.registry import Options
+
+
+class RaycastOptions(Options):
+    chunk_pixels: int = Field(8192, ge=64, le=1 << 20, description="pixels a thread takes at a time")
