@@ -14,11 +14,13 @@ class RayBatch:
     origin    : (n, 3) world space, metres
     direction : (n, 3) world space, unit length
     t_max     : (n,)   metres; hits at or beyond it do not count; +inf for no limit
+    coherent  : a hint: neighbours in the batch start together and point the same way (primary rays in tiles)
     """
 
     origin: np.ndarray
     direction: np.ndarray
     t_max: np.ndarray
+    coherent: bool = False
 
     def __len__(self) -> int:
         return len(self.origin)
