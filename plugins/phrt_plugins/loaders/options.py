@@ -24,3 +24,17 @@ class GltfOptions(Options):
         le=16384,
         description="Textures wider or higher than this many pixels are made smaller when they are read.",
     )
+
+
+class AtriumOptions(Options):
+    """Options of the procedural atrium."""
+
+    bays_x: int = Field(default=6, ge=2, le=40, description="Open bays of the courtyard along X; a bay is 3 m.")
+    bays_z: int = Field(default=4, ge=2, le=40, description="Open bays of the courtyard along Z.")
+    storeys: int = Field(default=2, ge=1, le=4, description="Gallery levels; the ground floor is vaulted, the top is timbered.")
+    detail: float = Field(
+        default=1.0, ge=0.25, le=4.0, description="How finely round things are divided; triangles grow with its square at most."
+    )
+    seed: int = Field(default=7, ge=0, description="Equal seeds give equal textures and equal small variations.")
+    statues: int = Field(default=6, ge=0, le=64, description="Statues on plinths, in the courtyard first, then the galleries.")
+    spheres: int = Field(default=10, ge=0, le=64, description="Spheres on the floor, mirrors and glass in turn.")
