@@ -13,6 +13,7 @@ from phrt.registry.descriptors import (
     TracerPlugin,
 )
 from phrt.registry.hookspecs import hookimpl
+from phrt.registry.manager import RegisteredPlugin, Registry, get_registry, register
 
 __all__ = [
     "PLUGIN_API_VERSION",
@@ -24,6 +25,10 @@ __all__ = [
     "MetricPlugin",
     "Options",
     "Plugin",
+    "RegisteredPlugin",
+    "Registry",
     "TracerPlugin",
+    "get_registry",
     "hookimpl",
+    "register",
 ]
