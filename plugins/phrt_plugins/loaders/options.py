@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field
 
 from phrt.registry import Options
@@ -31,10 +33,44 @@ class AtriumOptions(Options):
 
     bays_x: int = Field(default=6, ge=2, le=40, description="Open bays of the courtyard along X; a bay is 3 m.")
     bays_z: int = Field(default=4, ge=2, le=40, description="Open bays of the courtyard along Z.")
-    storeys: int = Field(default=2, ge=1, le=4, description="Gallery levels; the ground floor is vaulted, the top is timbered.")
+    storeys: int = Field(
+        default=2, ge=1, le=4, description="Gallery levels; the ground floor is vaulted, the top is timbered."
+    )
     detail: float = Field(
-        default=1.0, ge=0.25, le=4.0, description="How finely round things are divided; triangles grow with its square at most."
+        default=1.0,
+        ge=0.25,
+        le=4.0,
+        description="How finely round things are divided; triangles grow with its square at most.",
     )
     seed: int = Field(default=7, ge=0, description="Equal seeds give equal textures and equal small variations.")
-    statues: int = Field(default=6, ge=0, le=64, description="Statues on plinths, in the courtyard first, then the galleries.")
+    statues: int = Field(
+        default=6, ge=0, le=64, description="Statues on plinths, in the courtyard first, then the galleries."
+    )
     spheres: int = Field(default=10, ge=0, le=64, description="Spheres on the floor, mirrors and glass in turn.")
+
+
+class MeshOptions(Options):
+    """Options of the OBJ, PLY and STL loader."""
+
+    normals: Literal["auto", "smooth", "flat"] = Field(
+        default="auto",
+        description="auto: the file's own, computed smooth where it has none; smooth: always computed; flat: one a triangle.",
+    )
+    crease_angle: float = Field(
+        default=45.0,
+        ge=0.0,
+        le=180.0,
+        description="Computed normals are smooth across edges whose faces differ by at most this many degrees.",
+    )
+    weld: bool = Field(
+        default=True, description="Computed normals are smooth across vertices that lie at exactly one place."
+    )
+    group_by: Literal["auto", "object", "group", "none"] = Field(
+        default="auto",
+        description="What becomes an object of an OBJ file: its `o`, its `g`, or the whole file; auto: `o`, else `g`.",
+    )
+    scale: float = Field(default=1.0, gt=0.0, description="Metres per unit of the file; these formats have no unit.")
+    up: Literal["y", "z"] = Field(default="y", description="Which axis points up in the file; z is turned onto y.")
+    max_texture_size: int = Field(
+        default=8192, ge=1, le=16384, description="Textures wider or higher than this are made smaller when read."
+    )
