@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from phrt.registry import GBufferPlugin, TracerPlugin, hookimpl
+from phrt_backends.availability import embree_reason, open3d_reason
+from phrt_backends.gbuffers.raycast_options import RaycastOptions
 from phrt_backends.options import EmbreeOptions, NumpyOptions, Open3dOptions
 
 
@@ -18,6 +20,7 @@ def phrt_gbuffers() -> list[GBufferPlugin]:
             name="raycast",
             summary="Primary rays through the chosen tracer; needs no OpenGL.",
             factory="phrt_backends.gbuffers.raycast:RaycastProducer",
+            options=RaycastOptions,
             needs_tracer=True,
         ),
     ]
@@ -31,12 +34,14 @@ def phrt_tracers() -> list[TracerPlugin]:
             summary="Embree 4 in packets of 16, from the library that embreex ships.",
             factory="phrt_backends.tracers.embree:EmbreeTracer",
             options=EmbreeOptions,
+            unavailable_reason=embree_reason,
         ),
         TracerPlugin(
             name="open3d",
             summary="Open3D's RaycastingScene.",
             factory="phrt_backends.tracers.open3d_scene:Open3dTracer",
             options=Open3dOptions,
+            unavailable_reason=open3d_reason,
         ),
         TracerPlugin(
             name="numpy",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from phrt.registry import EffectPlugin, LoaderPlugin, hookimpl
+from phrt_plugins.loaders.options import AtriumOptions, GltfOptions, MeshOptions
 
 
 @hookimpl
@@ -42,17 +43,20 @@ def phrt_loaders() -> list[LoaderPlugin]:
             name="gltf",
             summary="glTF 2.0, text and binary, with the material and light extensions.",
             factory="phrt_plugins.loaders.gltf:GltfLoader",
+            options=GltfOptions,
             suffixes=(".gltf", ".glb"),
         ),
         LoaderPlugin(
             name="mesh",
             summary="OBJ with MTL, PLY and STL.",
             factory="phrt_plugins.loaders.mesh:MeshLoader",
+            options=MeshOptions,
             suffixes=(".obj", ".ply", ".stl"),
         ),
         LoaderPlugin(
             name="atrium",
             summary="A colonnaded two-storey courtyard, made from parameters.",
             factory="phrt_plugins.loaders.atrium:AtriumLoader",
+            options=AtriumOptions,
         ),
     ]

@@ -24,7 +24,7 @@ def always_available() -> str | None:
 @dataclass(frozen=True)
 class Plugin:
     """name: what configs say. summary: one line. factory: "module:Class", imported when first used and called with
-    the options. unavailable_reason: None, or why it cannot run here and what to install; it must import nothing heavy."""
+    the options. unavailable_reason: None, or why it cannot run here and what to install; it imports nothing heavy."""
 
     name: str
     summary: str

@@ -12,6 +12,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import EntryPoint, entry_points, version
 from typing import Any, Literal
 
@@ -110,7 +111,7 @@ class Registry:
         return [entry.name for entry in self.plugins(kind)]
 
     def find(self, kind: str, name: str) -> RegisteredPlugin:
-        """The plugin of that name with its owner. Raises PluginError: unknown (with the nearest name), refused, broken."""
+        """The plugin of that name with its owner. Raises PluginError when it is unknown, refused or broken."""
         entry = self._plugins.get((check_kind(kind), name))
         if entry is None:
             raise PluginError(self._why_not(kind, name))
@@ -169,7 +170,7 @@ class Registry:
     def load_defaults(self, modules: Iterable[str] = DEFAULT_PLUGINS) -> None:
         """Add the built-in plugin modules, each on its own."""
         for module in modules:
-            self._load_contained(module, "built-in", phrt_version(), lambda m=module: importlib.import_module(m))
+            self._load_contained(module, "built-in", phrt_version(), partial(importlib.import_module, module))
 
     def load_entry_points(self, found: Iterable[EntryPoint] | None = None) -> None:
         """Add what installed packages offer under the entry point group `phrt`, each on its own, sorted by package."""

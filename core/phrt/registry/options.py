@@ -19,7 +19,7 @@ BOUNDS = (("ge", ">="), ("gt", ">"), ("le", "<="), ("lt", "<"), ("multiple_of", 
 
 @dataclass(frozen=True)
 class OptionRow:
-    """One option as text. allowed: type, range or choices; default: as it is written in a config, "required" if none."""
+    """One option as text. allowed: type, range or choices; default: as a config writes it, "required" if none."""
 
     name: str
     allowed: str
@@ -36,7 +36,7 @@ def option_rows(model: type[BaseModel]) -> list[OptionRow]:
 
 
 def validate_options(title: str, model: type[Model], given: Mapping[str, object] | BaseModel) -> Model:
-    """`given` as an instance of `model`. Raises OptionError naming `title`, every wrong option, its value and what is allowed."""
+    """`given` as an instance of `model`. Raises OptionError: `title`, each wrong option and what is allowed."""
     if isinstance(given, model):
         return given
     try:
