@@ -22,13 +22,22 @@ class LayerSpec:
     clear: float
     meaning: str
 
+    def width(self, world: World) -> int:
+        """Components in `world`."""
+        return self.components or len(world.lights)
+
 
 @dataclass(frozen=True)
 class EffectResult:
-    """values: (n, components) float32, in the order of the pixels asked for; rays: how many were really traced."""
+    """values: (n, components) float32, in the order of the pixels asked for; rays: how many were really traced.
+
+    traced: (n,) uint8, 0 where the effect does not apply after all (a texture made the surface rough, say) and the layer's
+    clear value stays; None when every pixel holds a value.
+    """
 
     values: np.ndarray
     rays: int
+    traced: np.ndarray | None = None
 
 
 class RayEffect(ABC):
@@ -58,5 +67,5 @@ class RayEffect(ABC):
         return None
 
     @abstractmethod
-    def fallback(self, frame: Frame, pixels: np.ndarray) -> np.ndarray:
-        """(n, components) float32: what `pixels` get when they are not traced."""
+    def fallback(self, frame: Frame, pixels: np.ndarray) -> np.ndarray | None:
+        """(n, components) float32: what `pixels` get when they are not traced; None when that is the layer's clear value."""

@@ -1,0 +1,97 @@
+"""Layers: putting effect values in place, filling gaps of partly traced items, sorting pixels into work items."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phrt.kernels.jit import kernel
+
+f32 = np.float32
+
+
+@kernel
+def mark_targets(target, pixels, depth, traced, path_length):
+    """traced[target] = 1 for every ray's target (position in `pixels`), and the eye's distance as its path so far."""
+    for i in range(len(target)):
+        traced[target[i]] = 1
+        path_length[i] = depth[pixels[target[i]]]
+
+
+@kernel
+def scatter(pixels, values, traced, code, layer, mask):
+    """layer[pixels] = values (n, C) and mask[pixels] = code, where traced (n,) is not 0."""
+    for i in range(len(pixels)):
+        if traced[i]:
+            row = pixels[i]
+            for k in range(values.shape[1]):
+                layer[row, k] = values[i, k]
+            mask[row] = code
+
+
+@kernel
+def fill_gaps(pixels, object_id, mask, width, height, traced_code, filled_code, layer):
+    """Pixels of partly traced items take the mean of the nearest traced pixels of their object, in growing rings up to 2.
+
+    pixels (n,) are the item's; those whose mask is not `traced_code` and that find a neighbour get `filled_code`.
+    Returns how many found none. (DESIGN: a partial item is a coarser effect, not stripes.)
+    """
+    missing = 0
+    components = layer.shape[1]
+    for i in range(len(pixels)):
+        row = pixels[i]
+        if mask[row] == traced_code:
+            continue
+        x, y = row % width, row // width
+        found = 0
+        for ring in range(1, 3):
+            for dy in range(-ring, ring + 1):
+                for dx in range(-ring, ring + 1):
+                    if max(abs(dx), abs(dy)) != ring:
+                        continue
+                    nx, ny = x + dx, y + dy
+                    if nx < 0 or ny < 0 or nx >= width or ny >= height:
+                        continue
+                    other = ny * width + nx
+                    if mask[other] == traced_code and object_id[other] == object_id[row]:
+                        for k in range(components):
+                            if found == 0:
+                                layer[row, k] = layer[other, k]
+                            else:
+                                layer[row, k] += layer[other, k]
+                        found += 1
+            if found:
+                break
+        if found:
+            for k in range(components):
+                layer[row, k] /= f32(found)
+            mask[row] = filled_code
+        else:
+            missing += 1
+    return missing
+
+
+@kernel
+def sort_by_object(order, object_id, material_id, applies, allowed, start, pixels):
+    """Counting sort of the pixels an effect applies to, by object, in tile order within one.
+
+    order (P,) int32; applies (materials,), allowed (N + 1,) bool; start (N + 2,) int64 gets each object's first place in
+    `pixels` (P,) int32. Returns the number of pixels placed.
+    """
+    for k in range(len(start)):
+        start[k] = 0
+    for j in range(len(order)):
+        o = object_id[order[j]]
+        if o != 0 and allowed[o] and applies[material_id[order[j]]]:
+            start[o + 1] += 1
+    for k in range(1, len(start)):
+        start[k] += start[k - 1]
+    for j in range(len(order)):
+        row = order[j]
+        o = object_id[row]
+        if o != 0 and allowed[o] and applies[material_id[row]]:
+            pixels[start[o]] = row
+            start[o] += 1
+    for k in range(len(start) - 1, 0, -1):
+        start[k] = start[k - 1]
+    start[0] = 0
+    return start[len(start) - 1]

@@ -1,0 +1,69 @@
+"""reflections: what a mirror or a glossy surface shows.
+
+Mirrors take one ray a pixel, glossy surfaces up to `roughness_cutoff` take `samples` GGX-distributed ones; hits are shaded
+with shadows and reflect and refract again up to `max_depth`. Fallbacks: `environment` (the dome), `probe` (a cube map
+captured at the object, parallax-corrected), `none`.
+Source: Whitted 1980; Heitz 2018 (visible normals); Lagarde and Zanuttini 2012 (parallax-corrected cube maps).
+Example: `phrt render scenes/spheres.yaml -o out.png --effect reflections.max_depth=5`
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phrt.frame import Frame
+from phrt.interfaces.effect import EffectResult, LayerSpec, RayEffect
+from phrt.kernels.bounce import reflection_rays
+from phrt.kernels.layers import mark_targets
+from phrt.tracing import gather
+from phrt.world import World
+from phrt_plugins.effects.options import ReflectionsOptions
+from phrt_plugins.effects.probes import Probes
+
+
+class Reflections(RayEffect):
+    name = "reflections"
+    reads = ("position_world", "normal_world", "normal_geometric_world", "object_id", "material_id", "roughness")
+    writes = LayerSpec("reflection", 3, 0.0, "light from the mirror direction, before Fresnel's weight")
+
+    def __init__(self, options: ReflectionsOptions) -> None:
+        self._options = options
+        self._probes = Probes(options.probe_size) if options.fallback == "probe" else None
+
+    def applies_to(self, world: World) -> np.ndarray:
+        materials = world.materials
+        smooth = materials["roughness"] <= self._options.roughness_cutoff
+        smooth |= materials["metallic_roughness_texture"] >= 0
+        return smooth & (materials["unlit"] == 0) & ((materials["specular"] > 0) | (materials["metallic"] > 0))
+
+    def rays_per_pixel(self, world: World) -> float:
+        return 1.0 + len(world.lights)
+
+    def trace(self, frame: Frame, pixels: np.ndarray) -> EffectResult:
+        count = len(pixels)
+        capacity = count * self._options.samples
+        origin, direction, weight = (np.empty((capacity, 3), np.float32) for _ in range(3))
+        target = np.empty(capacity, np.int32)
+        view, is_point = frame.view_vectors(pixels)
+        rays = reflection_rays(
+            pixels, pixels.astype(np.uint32), frame.surfaces, frame.materials.materials, view, is_point,
+            self.applies_to(frame.world), np.float32(self._options.roughness_cutoff), self._options.samples, frame.seed,
+            origin, direction, weight, target,
+        )  # fmt: skip
+        traced = np.zeros(count, np.uint8)
+        path_length = np.empty(rays, np.float32)
+        mark_targets(target[:rays], pixels, frame.surfaces.depth, traced, path_length)
+        radiance, total = gather(
+            frame, origin[:rays], direction[:rays], weight[:rays], target[:rays], np.zeros(rays, np.int32), path_length,
+            count, self._options.max_depth,
+        )  # fmt: skip
+        return EffectResult(radiance, total, traced)
+
+    def prepare_fallback(self, frame: Frame) -> None:
+        if self._probes is not None:
+            self._probes.prepare(frame, frame.world.object_has(self.applies_to(frame.world)))
+
+    def fallback(self, frame: Frame, pixels: np.ndarray) -> np.ndarray | None:
+        if self._options.fallback == "none":
+            return np.zeros((len(pixels), 3), np.float32)
+        return None if self._probes is None else self._probes.reflected(frame, pixels)

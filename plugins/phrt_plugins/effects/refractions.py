@@ -1,0 +1,69 @@
+"""refractions: what is seen through glass and through alpha-blended surfaces.
+
+Dielectrics bend by Snell, split by Fresnel, reflect totally, absorb by Beer-Lambert, up to `max_depth`; thin walls (no
+thickness) and blended surfaces let rays pass unbent. Fallbacks: `alpha` (what lies straight behind, shaded without rays),
+`probe`, `environment`, `none`.
+Source: Whitted 1980; glTF KHR_materials_transmission, KHR_materials_volume.
+Example: `phrt render scenes/spheres.yaml -o out.png --effect refractions.max_depth=8`
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phrt.frame import Frame
+from phrt.interfaces.effect import EffectResult, LayerSpec, RayEffect
+from phrt.kernels.bounce import refraction_rays
+from phrt.kernels.layers import mark_targets
+from phrt.tracing import gather
+from phrt.world import World
+from phrt_plugins.effects.behind import behind, environment_through
+from phrt_plugins.effects.options import RefractionsOptions
+from phrt_plugins.effects.probes import Probes
+
+
+class Refractions(RayEffect):
+    name = "refractions"
+    reads = ("position_world", "normal_world", "normal_geometric_world", "object_id", "material_id", "transmission", "alpha")
+    writes = LayerSpec("refraction", 3, 0.0, "light that comes through the surface")
+
+    def __init__(self, options: RefractionsOptions) -> None:
+        self._options = options
+        self._probes = Probes(options.probe_size) if options.fallback == "probe" else None
+
+    def applies_to(self, world: World) -> np.ndarray:
+        return world.material_lets_light_through()
+
+    def rays_per_pixel(self, world: World) -> float:
+        return 3.0 + len(world.lights)
+
+    def trace(self, frame: Frame, pixels: np.ndarray) -> EffectResult:
+        count = len(pixels)
+        origin, direction, weight = (np.empty((count, 3), np.float32) for _ in range(3))
+        target, medium = np.empty(count, np.int32), np.empty(count, np.int32)
+        view, is_point = frame.view_vectors(pixels)
+        rays = refraction_rays(
+            pixels, frame.surfaces, frame.geometry, frame.materials.materials, view, is_point,
+            origin, direction, weight, target, medium,
+        )  # fmt: skip
+        traced = np.zeros(count, np.uint8)
+        path_length = np.empty(rays, np.float32)
+        mark_targets(target[:rays], pixels, frame.surfaces.depth, traced, path_length)
+        radiance, total = gather(
+            frame, origin[:rays], direction[:rays], weight[:rays], target[:rays], medium[:rays], path_length,
+            count, self._options.max_depth,
+        )  # fmt: skip
+        return EffectResult(radiance, total)
+
+    def prepare_fallback(self, frame: Frame) -> None:
+        if self._probes is not None:
+            self._probes.prepare(frame, frame.world.object_has(self.applies_to(frame.world)))
+
+    def fallback(self, frame: Frame, pixels: np.ndarray) -> np.ndarray | None:
+        if self._options.fallback == "none":
+            return None
+        if self._options.fallback == "environment":
+            return environment_through(frame, pixels)
+        if self._probes is not None:
+            return self._probes.straight(frame, pixels)
+        return behind(frame, pixels)
