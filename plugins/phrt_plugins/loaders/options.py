@@ -54,7 +54,7 @@ class MeshOptions(Options):
 
     normals: Literal["auto", "smooth", "flat"] = Field(
         default="auto",
-        description="auto: the file's own, computed smooth where it has none; smooth: always computed; flat: one a triangle.",
+        description="auto: the file's own, computed where it has none; smooth: always computed; flat: one a triangle.",
     )
     crease_angle: float = Field(
         default=45.0,
@@ -69,8 +69,6 @@ class MeshOptions(Options):
         default="auto",
         description="What becomes an object of an OBJ file: its `o`, its `g`, or the whole file; auto: `o`, else `g`.",
     )
-    scale: float = Field(default=1.0, gt=0.0, description="Metres per unit of the file; these formats have no unit.")
-    up: Literal["y", "z"] = Field(default="y", description="Which axis points up in the file; z is turned onto y.")
     max_texture_size: int = Field(
         default=8192, ge=1, le=16384, description="Textures wider or higher than this are made smaller when read."
     )
