@@ -11,7 +11,15 @@ from phrt_plugins.loaders.gltf_container import check_uri, decode_data_uri, is_d
 from phrt_plugins.loaders.gltf_json import Document, Element, fail
 
 COMPONENT_DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-TYPE_SHAPES = {"SCALAR": (1, 1), "VEC2": (1, 2), "VEC3": (1, 3), "VEC4": (1, 4), "MAT2": (2, 2), "MAT3": (3, 3), "MAT4": (4, 4)}
+TYPE_SHAPES = {
+    "SCALAR": (1, 1),
+    "VEC2": (1, 2),
+    "VEC3": (1, 3),
+    "VEC4": (1, 4),
+    "MAT2": (2, 2),
+    "MAT3": (3, 3),
+    "MAT4": (4, 4),
+}
 """Columns and rows; matrices are stored column by column, each column padded to four bytes."""
 
 
@@ -75,7 +83,9 @@ class Accessors:
         self._headers: dict[int, Accessor] = {}
         self._raw: dict[int, np.ndarray] = {}
 
-    def _buffer(self, number: int, element: Element, binary: bytes | None, is_glb: bool, context: LoadContext) -> bytes | None:
+    def _buffer(
+        self, number: int, element: Element, binary: bytes | None, is_glb: bool, context: LoadContext
+    ) -> bytes | None:
         """The data of a buffer, exactly byteLength long; None for a placeholder without data."""
         length = element.integer("byteLength", high=MAX_FILE_BYTES)
         if "uri" in element:
@@ -192,13 +202,17 @@ class Accessors:
         """A packed copy (count, components) of strided elements, ranges already checked."""
         data = self.view_bytes(view, accessor.where)
         stride = self.views[view].stride or accessor.column * accessor.columns
-        strided: np.ndarray = np.ndarray(
-            (count, accessor.columns, accessor.rows),
-            accessor.dtype,
-            data,
-            offset,
-            (stride, accessor.column, accessor.dtype.itemsize),
-        ) if count else np.empty((0, accessor.columns, accessor.rows), accessor.dtype)
+        strided: np.ndarray = (
+            np.ndarray(
+                (count, accessor.columns, accessor.rows),
+                accessor.dtype,
+                data,
+                offset,
+                (stride, accessor.column, accessor.dtype.itemsize),
+            )
+            if count
+            else np.empty((0, accessor.columns, accessor.rows), accessor.dtype)
+        )
         return np.array(strided.reshape(count, accessor.components), order="C")
 
     def _apply_sparse(self, accessor: Accessor, sparse: Element, values: np.ndarray) -> None:

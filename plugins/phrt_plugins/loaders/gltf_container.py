@@ -126,7 +126,10 @@ def check_uri(uri: str, where: str) -> None:
         if is_data_uri(uri):
             return
         if SCHEME.match(text):
-            fail(where, f"'{shorten(text)}' has the scheme '{text.split(':')[0]}:'; only relative file names and data: URIs are read")
+            fail(
+                where,
+                f"'{shorten(text)}' has the scheme '{text.split(':')[0]}:'; only relative file names and data: URIs are read",
+            )
         if text.startswith(("//", "\\\\")):
             fail(where, f"'{shorten(text)}' names another machine; only relative file names and data: URIs are read")
         if not text or any(ord(character) < 32 for character in text):

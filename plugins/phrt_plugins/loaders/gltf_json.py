@@ -113,13 +113,22 @@ class Element:
             fail(where, f"is {given}; it must be between {low:g} and {high:g}")
         return float(value)
 
-    def number(self, key: str, default: float | None = None, low: float = -MAX_MAGNITUDE, high: float = MAX_MAGNITUDE) -> float:
+    def number(
+        self, key: str, default: float | None = None, low: float = -MAX_MAGNITUDE, high: float = MAX_MAGNITUDE
+    ) -> float:
         """A number in [low, high], finite; required when there is no default."""
         if key not in self.data:
             return self._missing(key) if default is None else default
         return self._number(self.data[key], self.place(key), low, high)
 
-    def numbers(self, key: str, length: int | None, default: tuple[float, ...] | None = None, low: float = -MAX_MAGNITUDE, high: float = MAX_MAGNITUDE) -> tuple[float, ...]:
+    def numbers(
+        self,
+        key: str,
+        length: int | None,
+        default: tuple[float, ...] | None = None,
+        low: float = -MAX_MAGNITUDE,
+        high: float = MAX_MAGNITUDE,
+    ) -> tuple[float, ...]:
         """`length` numbers in [low, high] (any count when None); required when there is no default."""
         if key not in self.data:
             return self._missing(key) if default is None else default
@@ -187,7 +196,21 @@ class Element:
         return [value.encode("utf-8", "replace").decode("utf-8") for value in values]
 
 
-LISTS = ("accessors", "animations", "bufferViews", "buffers", "cameras", "images", "materials", "meshes", "nodes", "samplers", "scenes", "skins", "textures")
+LISTS = (
+    "accessors",
+    "animations",
+    "bufferViews",
+    "buffers",
+    "cameras",
+    "images",
+    "materials",
+    "meshes",
+    "nodes",
+    "samplers",
+    "scenes",
+    "skins",
+    "textures",
+)
 
 
 class Document:
@@ -219,7 +242,10 @@ class Document:
         if key not in element:
             return []
         values, where = element._array(key), element.place(key)
-        return [self._check(Element._whole(v, f"{where}[{i}]", 0, 2**53), f"{where}[{i}]", target) for i, v in enumerate(values)]
+        return [
+            self._check(Element._whole(v, f"{where}[{i}]", 0, 2**53), f"{where}[{i}]", target)
+            for i, v in enumerate(values)
+        ]
 
     def _check(self, index: int, where: str, target: str) -> int:
         count = len(self.lists[target])
