@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
-from phrt.registry import GBufferPlugin, TracerPlugin, hookimpl
+from phrt.registry import Device, GBufferPlugin, TracerPlugin, hookimpl
 from phrt_backends.availability import embree_reason, open3d_reason
+from phrt_backends.gbuffers.moderngl_context import gl_info, moderngl_reason
+from phrt_backends.gbuffers.moderngl_options import ModernglOptions
 from phrt_backends.gbuffers.raycast_options import RaycastOptions
 from phrt_backends.options import EmbreeOptions, NumpyOptions, Open3dOptions
+
+
+def gl_device() -> Device:
+    """What OpenGL draws with. Raises PluginError where there is none."""
+    info = gl_info()
+    return Device(f"{info.renderer}, {info.vendor}, OpenGL {info.version}", info.is_hardware)
 
 
 @hookimpl
@@ -15,6 +23,9 @@ def phrt_gbuffers() -> list[GBufferPlugin]:
             name="moderngl",
             summary="Deferred OpenGL 3.3 pass with mipmapped textures, headless by EGL, on a GPU or on Mesa.",
             factory="phrt_backends.gbuffers.moderngl_producer:ModernglProducer",
+            options=ModernglOptions,
+            unavailable_reason=moderngl_reason,
+            device=gl_device,
         ),
         GBufferPlugin(
             name="raycast",

@@ -3,6 +3,7 @@
 from phrt.registry.descriptors import (
     PLUGIN_API_VERSION,
     CommandPlugin,
+    Device,
     EffectPlugin,
     GBufferPlugin,
     HeuristicPlugin,
@@ -18,6 +19,7 @@ from phrt.registry.manager import RegisteredPlugin, Registry, get_registry, regi
 __all__ = [
     "PLUGIN_API_VERSION",
     "CommandPlugin",
+    "Device",
     "EffectPlugin",
     "GBufferPlugin",
     "HeuristicPlugin",

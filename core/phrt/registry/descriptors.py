@@ -35,10 +35,26 @@ class Plugin:
 
 
 @dataclass(frozen=True)
+class Device:
+    """What a G-buffer producer draws with. description: vendor, renderer and version, for people."""
+
+    description: str
+    is_hardware: bool
+
+
+def no_device() -> Device | None:
+    """The `device` of producers that run on the processor without a driver."""
+    return None
+
+
+@dataclass(frozen=True)
 class GBufferPlugin(Plugin):
-    """Makes a `phrt.interfaces.gbuffer.GBufferProducer`. Factories of producers that trace take `tracer=`."""
+    """Makes a `phrt.interfaces.gbuffer.GBufferProducer`. Factories of producers that trace take `tracer=`.
+
+    device: what it draws with, asked only when it is available; `auto` wants a hardware one."""
 
     needs_tracer: bool = False
+    device: Callable[[], Device | None] = no_device
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,7 @@ def validate_options(title: str, model: type[Model], given: Mapping[str, object]
         return model.model_validate(given.model_dump() if isinstance(given, BaseModel) else dict(given))
     except ValidationError as error:
         problems = [explain(model, dict(problem)) for problem in error.errors(include_url=False)]
-    raise OptionError(f"{title}: " + "; ".join(problems))
+    raise OptionError(f"{title}: {problems[0]}" if len(problems) == 1 else "\n  - ".join([f"{title}:", *problems]))
 
 
 def explain(model: type[BaseModel], problem: dict[str, Any]) -> str:
@@ -62,7 +62,7 @@ def explain(model: type[BaseModel], problem: dict[str, Any]) -> str:
     given = problem["input"]
     near = did_you_mean(given, choices(field.annotation)) if isinstance(given, str) else ""
     reason = f" ({problem['msg'].removeprefix('Value error, ')})" if problem["type"] == "value_error" else ""
-    return f"option '{name}' is {given!r}, allowed: {allowed_values(field)}{reason}.{near}"
+    return f"option '{name}' is {given!r}, allowed: {allowed_values(field)}{reason}{near and '.' + near}"
 
 
 def allowed_values(field: FieldInfo) -> str:
