@@ -24,7 +24,7 @@ LANES = 16
 ORIGIN_ROW, T_NEAR_ROW, DIRECTION_ROW, TIME_ROW, T_FAR_ROW, MASK_ROW, ID_ROW, FLAGS_ROW = 0, 3, 4, 7, 8, 9, 10, 11
 NORMAL_ROW, U_ROW, V_ROW, PRIMITIVE_ROW, GEOMETRY_ROW, INSTANCE_ROW = 12, 15, 16, 17, 18, 19
 PACKET_ROWS = 32
-"""Rows to allocate: 21 are used with one level of instances (ids of instance and of instance primitive), each further level adds two."""
+"""Rows to allocate: 21 are used with one level of instances, each further level would add two."""
 
 INVALID_ID = 0xFFFFFFFF
 GEOMETRY_TRIANGLE, GEOMETRY_INSTANCE = 0, 121
@@ -96,7 +96,7 @@ class EmbreeLibrary:
 
 
 def library_candidates() -> list[Path]:
-    """Shared libraries of Embree 4 that belong to the installed embreex package: wheels put them beside or inside it."""
+    """Embree 4 libraries of the installed embreex package: wheels put them beside or inside it."""
     spec = importlib.util.find_spec("embreex")
     if spec is None or spec.origin is None:
         return []

@@ -26,7 +26,7 @@ _STATIC_INSTANCE = 0
 """Geometry id of the static scene in the top scene: object 0 is the background and has no geometry."""
 
 _SMALLEST_SCALE = 1e-6
-"""Matrices with a smaller ratio of singular values are not inverted; such an object is placed by its world positions."""
+"""Matrices with a smaller ratio of singular values are not inverted: the object is placed by its world positions."""
 
 
 class EmbreePackets(Tracer):

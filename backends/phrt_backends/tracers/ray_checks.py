@@ -9,7 +9,8 @@ from phrt.rays import RayBatch
 
 def usable_rays(rays: RayBatch) -> np.ndarray:
     """(n,) bool: finite origin and direction, and a t_max above 0. All other rays miss."""
-    total = rays.origin.sum(axis=1) + rays.direction.sum(axis=1)
+    with np.errstate(invalid="ignore", over="ignore"):
+        total = rays.origin.sum(axis=1) + rays.direction.sum(axis=1)
     return np.isfinite(total) & (rays.t_max > 0)
 
 
