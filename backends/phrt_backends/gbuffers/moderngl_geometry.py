@@ -1,0 +1,133 @@
+"""Triangles on the graphics side: vertex and index buffers, clusters to cull by, and the tables that codes look up.
+
+Triangles are drawn in the order (material, object), so that a material is one run and an object's part of it is
+contiguous. Runs are cut into clusters with a bounding box each: a software rasterizer is bound by vertices, and what is
+outside the view is then never transformed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from phrt.conventions import NO_PRIMITIVE
+from phrt.world import World
+
+CLUSTER_TRIANGLES = 512
+ATTRIBUTES = {
+    "in_position": "positions",
+    "in_normal": "normals",
+    "in_tangent": "tangents",
+    "in_uv0": "uv0",
+    "in_uv1": "uv1",
+    "in_color": "colors",
+}
+MOVING = ("in_position", "in_normal", "in_tangent")
+
+
+@dataclass(frozen=True)
+class Visible:
+    """Clusters in view, in draw order, and the smallest and largest depth of their boxes' corners, metres."""
+
+    clusters: np.ndarray
+    nearest: float
+    farthest: float
+
+
+class DrawGeometry:
+    """Buffers of a world with at least one triangle.
+
+    order (T,) int32: scene triangle of every row. Clusters (C,): cluster_first, cluster_rows, cluster_material,
+    cluster_object int32; cluster_low, cluster_high (C, 3) float32 world space.
+    """
+
+    def __init__(self, gl: Any, world: World) -> None:
+        order = np.lexsort((world.triangle_object, world.triangle_material)).astype(np.int32)
+        self.order = order
+        self._triangles = world.triangles[order]
+        self.buffers: dict[str, Any] = {}
+        for attribute, source in ATTRIBUTES.items():
+            array = getattr(world, source)
+            if len(array):
+                self.buffers[attribute] = gl.buffer(np.ascontiguousarray(array, np.float32))
+        self.formats = {name: f"{getattr(world, ATTRIBUTES[name]).shape[1]}f" for name in self.buffers}
+        self.indices = gl.buffer(np.ascontiguousarray(self._triangles, np.int32))
+        self._make_clusters(world)
+        self._make_tables(world)
+        self._measure(world, np.arange(len(self.cluster_first)))
+
+    def update(self, world: World, objects: tuple[int, ...]) -> None:
+        """Rewrite the vertices, cluster boxes and triangle normals of `objects`, 1-based ids."""
+        for object_id in objects:
+            first, count = int(world.first_vertex[object_id]), int(world.vertex_count[object_id])
+            for attribute in MOVING:
+                array = getattr(world, ATTRIBUTES[attribute])
+                if count and attribute in self.buffers:
+                    self.buffers[attribute].write(
+                        np.ascontiguousarray(array[first : first + count]), offset=first * array.strides[0]
+                    )
+        self._measure(world, np.flatnonzero(np.isin(self.cluster_object, objects)))
+
+    def visible(self, clip_from_world: np.ndarray, depth_row: np.ndarray, drawn: np.ndarray, cull: bool) -> Visible:
+        """The clusters of `drawn` (C,) bool that touch the view volume; conservative: a box decides, not its triangles.
+
+        clip_from_world (4, 4) float64; depth_row (4,) float64, whose product with a point is its depth.
+        """
+        corners = np.where(CORNERS[None], self.cluster_high[:, None], self.cluster_low[:, None]).astype(np.float64)
+        clip = corners @ clip_from_world[:, :3].T + clip_from_world[:, 3]
+        w = clip[..., 3]
+        outside = np.zeros(len(clip), bool)
+        for axis in range(3):
+            outside |= (clip[..., axis] > w).all(axis=1) | (clip[..., axis] < -w).all(axis=1)
+        depth = corners @ depth_row[:3] + depth_row[3]
+        clusters = np.flatnonzero(drawn & ~outside) if cull else np.flatnonzero(drawn)
+        if not len(clusters):
+            return Visible(clusters, 0.0, 0.0)
+        return Visible(clusters, float(depth[clusters].min()), float(depth[clusters].max()))
+
+    def release(self) -> None:
+        """Give the buffers back."""
+        for buffer in (*self.buffers.values(), self.indices):
+            buffer.release()
+
+    def _make_clusters(self, world: World) -> None:
+        material, owner = world.triangle_material[self.order], world.triangle_object[self.order]
+        change = np.flatnonzero((np.diff(material) != 0) | (np.diff(owner) != 0)) + 1
+        starts = np.concatenate([[0], change])
+        ends = np.concatenate([change, [len(material)]])
+        first = np.concatenate([np.arange(s, e, CLUSTER_TRIANGLES) for s, e in zip(starts, ends, strict=True)])
+        self.cluster_first = first.astype(np.int32)
+        self.cluster_rows = np.diff(np.append(first, len(material))).astype(np.int32)
+        self.cluster_material, self.cluster_object = material[first], owner[first]
+        self.cluster_low = np.zeros((len(first), 3), np.float32)
+        self.cluster_high = np.zeros((len(first), 3), np.float32)
+
+    def _make_tables(self, world: World) -> None:
+        """What a code looks up: row 0 is the background; normals have a row for either side of a triangle."""
+        rows = len(self.order) + 1
+        self.row_primitive = np.full(rows, NO_PRIMITIVE, np.uint32)
+        self.row_object, self.row_material = np.zeros(rows, np.uint32), np.zeros(rows, np.uint32)
+        self.row_primitive[1:] = self.order
+        self.row_object[1:] = world.triangle_object[self.order]
+        self.row_material[1:] = world.triangle_material[self.order]
+        self.code_normal = np.zeros((2 * rows, 3), np.float32)
+
+    def _measure(self, world: World, clusters: np.ndarray) -> None:
+        """Boxes and triangle normals of `clusters` from the present positions."""
+        if not len(clusters):
+            return
+        counts = self.cluster_rows[clusters]
+        offsets = np.cumsum(counts) - counts
+        rows = np.repeat(self.cluster_first[clusters] - offsets, counts) + np.arange(counts.sum())
+        corners = world.positions[self._triangles[rows]]
+        self.cluster_low[clusters] = np.minimum.reduceat(corners.min(axis=1), offsets)
+        self.cluster_high[clusters] = np.maximum.reduceat(corners.max(axis=1), offsets)
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True) + np.float32(1e-30)
+        self.code_normal[2 * (rows + 1)] = normal
+        self.code_normal[2 * (rows + 1) + 1] = -normal
+
+
+CORNERS = np.array([[bool(corner & 1), bool(corner & 2), bool(corner & 4)] for corner in range(8)])

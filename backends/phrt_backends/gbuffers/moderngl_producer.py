@@ -1,0 +1,367 @@
+"""The `moderngl` G-buffer producer: a deferred OpenGL 3.3 pass with mipmapped textures, headless by EGL.
+
+Works on a GPU and on Mesa's llvmpipe. One pass draws into as many float32 attachments as the requested channels need
+(`moderngl_layout`), with a shader variant per set of channels and material features; nothing that was not asked for is
+computed or read back. `("depth",)` alone draws positions into one float: the fast path of shadow maps.
+
+Row 0 of our pictures is the top one and OpenGL's the bottom one, so the projection is flipped in y; front faces are
+then clockwise on the screen.
+
+Depth comparison is OpenGL's 24 bit: two surfaces nearer than about depth^2 / (2^24 near) cannot be told apart. The near
+plane is therefore moved out to the nearest cluster in view (nothing lies between) while drawing.
+
+An OpenGL context belongs to one thread: a producer is used on the thread that made it, or `RuntimeError` says so.
+Several producers may live on one thread; each has its own context.
+
+Example: `producer = ModernglProducer(ModernglOptions()); producer.build(world); producer.render(world.view(640, 360))`
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from phrt.camera import CameraView
+from phrt.channels import CHANNELS, GBuffer
+from phrt.interfaces.gbuffer import GBufferProducer
+from phrt.world import Changes, World
+from phrt_backends.gbuffers.moderngl_context import ThreadGuard, open_context
+from phrt_backends.gbuffers.moderngl_geometry import DrawGeometry, Visible
+from phrt_backends.gbuffers.moderngl_layout import Layout, checked_channels, layout_for, unpack
+from phrt_backends.gbuffers.moderngl_materials import DrawState, MaterialSet
+from phrt_backends.gbuffers.moderngl_options import ModernglOptions
+from phrt_backends.gbuffers.moderngl_shaders import SAMPLERS, fragment_source, vertex_source
+
+FLIP_Y = np.diag([1.0, -1.0, 1.0, 1.0])
+KEPT_TARGETS = 6
+
+
+@dataclass
+class Target:
+    """A framebuffer of one size and layout, and the host memory its attachments are read into."""
+
+    framebuffer: Any
+    resources: list[Any]
+    packed: list[np.ndarray]
+    codes: np.ndarray | None
+
+
+@dataclass
+class Past:
+    """Where camera and objects were in the previous frame: unjittered clip_from_world, and object_matrix (N + 1, 4, 4)."""
+
+    clip_from_world: np.ndarray
+    object_matrix: np.ndarray
+
+
+@dataclass
+class Variant:
+    """A compiled program with the vertex array that feeds it."""
+
+    program: Any
+    vertex_array: Any
+    view_set: int = -1
+
+    def put(self, name: str, value: object) -> None:
+        """Set uniform `name` if the compiler kept it."""
+        if name in self.program:
+            self.program[name].value = value
+
+    def put_matrix(self, name: str, matrix: np.ndarray) -> None:
+        """Set matrix uniform `name` from row-major (4, 4) if the compiler kept it."""
+        if name in self.program:
+            self.program[name].write(matrix.T.astype(np.float32).tobytes())
+
+
+class ModernglProducer(GBufferProducer):
+    """Rasterizes with OpenGL. See the module's text for threads, precision and orientation.
+
+    Motion looks back to the previous `render` that asked for motion with the same `opaque_only`; zero in the first.
+    """
+
+    def __init__(self, options: ModernglOptions | None = None) -> None:
+        self._options = options or ModernglOptions()
+        self._guard = ThreadGuard()
+        self._gl: Any = open_context(self._options.device)
+        self._world: World | None = None
+        self._geometry: DrawGeometry | None = None
+        self._materials: MaterialSet | None = None
+        self._targets: dict[tuple[int, int, Layout], Target] = {}
+        self._variants: dict[tuple[frozenset[str], Layout], Variant] = {}
+        self._states: dict[frozenset[str], tuple[list[DrawState], np.ndarray]] = {}
+        self._past: dict[bool, Past] = {}
+        self._renders = 0
+
+    def build(self, world: World) -> None:
+        """Upload geometry, materials and textures of `world`, in place of what was there."""
+        with self._current():
+            self._release_world()
+            self._world = world
+            if len(world.triangles):
+                self._geometry = DrawGeometry(self._gl, world)
+                self._materials = MaterialSet(self._gl, world)
+
+    def update(self, world: World, changes: Changes) -> None:
+        """Rewrite the vertex ranges of `changes.objects`."""
+        if changes.objects and self._geometry is not None:
+            with self._current():
+                self._geometry.update(world, changes.objects)
+
+    def render(
+        self, view: CameraView, *, channels: Iterable[str] = tuple(CHANNELS), opaque_only: bool = False
+    ) -> GBuffer:
+        """The G-buffer of `view` with exactly `channels`. Raises `ValueError` for unknown channels or before `build`."""
+        wanted = checked_channels(channels)
+        if self._world is None:
+            raise ValueError("the moderngl producer was asked to render before build(world)")
+        layout = layout_for(wanted)
+        with self._current():
+            target = self._target(view.width, view.height, layout)
+            target.framebuffer.use()
+            target.framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=1.0)
+            if self._geometry is not None:
+                self._draw(view, layout, opaque_only)
+            buffer = self._read(view, layout, target)
+        if "motion" in wanted:
+            self._past[opaque_only] = Past(_steady_clip(view), self._world.geometry.object_matrix.copy())
+        return buffer
+
+    def gl_error(self) -> str:
+        """OpenGL's error flag, 'GL_NO_ERROR' when all is well; reading clears it."""
+        with self._current():
+            return str(self._gl.error)
+
+    def close(self) -> None:
+        """Release everything and the context itself. A second call does nothing."""
+        if self._gl is None:
+            return
+        with self._current():
+            self._release_world()
+            for target in self._targets.values():
+                _release(target)
+            self._targets.clear()
+        self._gl.release()
+        self._gl = None
+
+    @contextmanager
+    def _current(self) -> Iterator[None]:
+        """Our context made current, and the one that was before restored; on our thread only."""
+        self._guard.check()
+        if self._gl is None:
+            raise RuntimeError("the moderngl producer was closed")
+        with self._gl:
+            yield
+
+    def _release_world(self) -> None:
+        for variant in self._variants.values():
+            variant.vertex_array.release()
+            variant.program.release()
+        self._variants.clear()
+        self._states.clear()
+        self._past.clear()
+        if self._geometry is not None and self._materials is not None:
+            self._geometry.release()
+            self._materials.release()
+        self._geometry = self._materials = self._world = None
+
+    # Drawing
+
+    def _draw(self, view: CameraView, layout: Layout, opaque_only: bool) -> None:
+        geometry, materials, world = self._geometry, self._materials, self._world
+        assert geometry is not None
+        assert materials is not None
+        assert world is not None
+        depth_row = -view.view_from_world()[2]
+        drawn = (
+            world.object_opaque[geometry.cluster_object] if opaque_only else np.ones(len(geometry.cluster_object), bool)
+        )
+        visible = geometry.visible(view.clip_from_world(), depth_row, drawn, self._options.cull)
+        if not len(visible.clusters):
+            return
+        clip = FLIP_Y @ _tightened(view, visible).clip_from_world()
+        now = _steady_clip(view)
+        moved, before = (
+            self._earlier(now, opaque_only)
+            if "motion" in layout.channels
+            else (np.zeros(len(world.object_opaque), np.int32), [now])
+        )
+        states, state_of_material = self._draw_states(layout)
+
+        # Neighbouring clusters that need the same state are one draw.
+        clusters = visible.clusters
+        state = state_of_material[geometry.cluster_material[clusters]]
+        group = moved[geometry.cluster_object[clusters]]
+        first, rows = geometry.cluster_first[clusters], geometry.cluster_rows[clusters]
+        cut = (np.diff(state) != 0) | (np.diff(group) != 0) | (first[1:] != first[:-1] + rows[:-1])
+        starts = np.concatenate([[0], np.flatnonzero(cut) + 1])
+        counts = np.add.reduceat(rows, starts)
+
+        gl = self._gl
+        gl.enable_only(gl.DEPTH_TEST | gl.CULL_FACE)
+        gl.front_face, gl.cull_face = "cw", "back"
+        self._renders += 1
+        bound_state, variant, culls = -1, None, True
+        for start, count in zip(starts.tolist(), counts.tolist(), strict=True):
+            if variant is None or state[start] != bound_state:
+                bound_state = int(state[start])
+                variant = self._variant(states[bound_state], layout, view.orthographic)
+                materials.bind(states[bound_state])
+                if variant.view_set != self._renders:
+                    variant.view_set = self._renders
+                    variant.put_matrix("clip_from_world", clip)
+                    variant.put_matrix("clip_from_world_now", now)
+                    variant.put("depth_row", tuple(float(x) for x in depth_row))
+                    variant.put("half_size", (view.width / 2, view.height / 2))
+                if culls == states[bound_state].double_sided:
+                    culls = not culls
+                    (gl.enable if culls else gl.disable)(gl.CULL_FACE)
+            if "motion" in layout.channels:
+                variant.put_matrix("clip_from_world_before", before[group[start]])
+            variant.put("first_row", int(first[start]))
+            variant.vertex_array.render(gl.TRIANGLES, vertices=3 * count, first=3 * int(first[start]))
+
+    def _earlier(self, now: np.ndarray, opaque_only: bool) -> tuple[np.ndarray, list[np.ndarray]]:
+        """(N + 1,) int32 index of every object into a list of matrices that bring present world points to where they
+        were on the previous picture; 0 for all that stood still."""
+        assert self._world is not None
+        current = self._world.geometry.object_matrix
+        index = np.zeros(len(current), np.int32)
+        past = self._past.get(opaque_only)
+        if past is None:
+            return index, [now]
+        matrices = [past.clip_from_world]
+        for object_id in np.flatnonzero((past.object_matrix != current).any(axis=(1, 2))):
+            index[object_id] = len(matrices)
+            matrices.append(past.clip_from_world @ past.object_matrix[object_id] @ np.linalg.pinv(current[object_id]))
+        return index, matrices
+
+    def _draw_states(self, layout: Layout) -> tuple[list[DrawState], np.ndarray]:
+        """The distinct states of all materials for `layout`, and (materials,) which one each needs."""
+        channels = frozenset(layout.channels)
+        if channels not in self._states:
+            assert self._materials is not None
+            assert self._world is not None
+            index: dict[DrawState, int] = {}
+            of_material = [
+                index.setdefault(self._materials.state(row, channels), len(index))
+                for row in range(len(self._world.materials))
+            ]
+            self._states[channels] = (list(index), np.array(of_material, np.int32))
+        return self._states[channels]
+
+    def _variant(self, state: DrawState, layout: Layout, orthographic: bool) -> Variant:
+        features = state.features | {"ORTHOGRAPHIC"} if orthographic else state.features
+        key = (features, layout)
+        if key not in self._variants:
+            assert self._geometry is not None
+            program = self._gl.program(
+                vertex_shader=vertex_source(features), fragment_shader=fragment_source(features, layout)
+            )
+            content = [
+                (buffer, self._geometry.formats[name], name)
+                for name, buffer in self._geometry.buffers.items()
+                if name in program
+            ]
+            variant = Variant(
+                program,
+                self._gl.vertex_array(program, content, index_buffer=self._geometry.indices, index_element_size=4),
+            )
+            for unit, slot in enumerate(SAMPLERS):
+                variant.put(slot, unit)
+            if "Material" in program:
+                program["Material"].binding = 0
+            self._variants[key] = variant
+        return self._variants[key]
+
+    # Targets and reading back
+
+    def _target(self, width: int, height: int, layout: Layout) -> Target:
+        """The framebuffer for this size and layout; the few used last are kept."""
+        key = (width, height, layout)
+        target = self._targets.pop(key, None) or self._new_target(width, height, layout)
+        self._targets[key] = target
+        while len(self._targets) > KEPT_TARGETS:
+            _release(self._targets.pop(next(iter(self._targets))))
+        return target
+
+    def _new_target(self, width: int, height: int, layout: Layout) -> Target:
+        gl, size = self._gl, (width, height)
+        colors = [gl.texture(size, attachment.components, dtype="f4") for attachment in layout.floats]
+        packed = [np.empty((width * height, attachment.components), np.float32) for attachment in layout.floats]
+        codes = None
+        if layout.code:
+            colors.append(gl.texture(size, 1, dtype="u4"))
+            codes = np.empty(width * height, np.uint32)
+        depth = gl.depth_renderbuffer(size)
+        return Target(gl.framebuffer(colors, depth), [*colors, depth], packed, codes)
+
+    def _read(self, view: CameraView, layout: Layout, target: Target) -> GBuffer:
+        buffer = GBuffer(view.width, view.height)
+        for name in layout.channels:
+            channel = CHANNELS[name]
+            shape = (
+                (view.height, view.width) if channel.components == 1 else (view.height, view.width, channel.components)
+            )
+            buffer.arrays[name] = np.empty(shape, channel.dtype)
+        for i, (attachment, packed) in enumerate(zip(layout.floats, target.packed, strict=True)):
+            target.framebuffer.read_into(
+                packed, components=attachment.components, attachment=i, alignment=1, dtype="f4"
+            )
+            for name, first in attachment.parts:
+                unpack(name, first, packed, buffer.flat(name))
+        if target.codes is not None:
+            target.framebuffer.read_into(
+                target.codes, components=1, attachment=len(layout.floats), alignment=1, dtype="u4"
+            )
+            self._look_up(target.codes, buffer)
+        return buffer
+
+    def _look_up(self, codes: np.ndarray, buffer: GBuffer) -> None:
+        """Ids and geometric normals from codes (pixels,) uint32."""
+        geometry = self._geometry
+        if geometry is None:
+            for name in buffer.arrays.keys() & {"object_id", "primitive_id", "material_id", "normal_geometric_world"}:
+                buffer.arrays[name].fill(CHANNELS[name].clear)
+            return
+        rows = (codes >> np.uint32(1)).astype(np.intp)
+        tables = {
+            "object_id": geometry.row_object,
+            "primitive_id": geometry.row_primitive,
+            "material_id": geometry.row_material,
+        }
+        for name in tables.keys() & buffer.arrays.keys():
+            np.take(tables[name], rows, out=buffer.flat(name), mode="clip")
+        if "normal_geometric_world" in buffer.arrays:
+            np.take(
+                geometry.code_normal,
+                codes.astype(np.intp),
+                axis=0,
+                out=buffer.flat("normal_geometric_world"),
+                mode="clip",
+            )
+
+
+def _steady_clip(view: CameraView) -> np.ndarray:
+    """(4, 4) float64 clip_from_world without jitter, y down: what motion is measured with."""
+    return FLIP_Y @ view.with_jitter(0.0, 0.0).clip_from_world()
+
+
+def _tightened(view: CameraView, visible: Visible) -> CameraView:
+    """`view` with near and far planes as close around what is visible as they may be, which spares depth precision."""
+    near = max(view.near, visible.nearest - 1e-3 * abs(visible.nearest))
+    far = visible.farthest + 1e-3 * abs(visible.farthest)
+    far = min(view.far, max(far, near + 1e-3 * max(abs(near), 1.0)))
+    if not view.orthographic and not math.isfinite(view.far):
+        far = math.inf
+    return replace(view, near=near, far=far)
+
+
+def _release(target: Target) -> None:
+    target.framebuffer.release()
+    for resource in target.resources:
+        resource.release()
