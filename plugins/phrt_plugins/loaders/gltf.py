@@ -66,8 +66,9 @@ class GltfLoader(Loader):
         lights, cameras = read_lights(document), read_cameras(document)
         builder = NodeBuilder(document, accessors, hierarchy, library, skins)
         builder.build(scene_roots(document, hierarchy, self.options.scene))
-        joints = builder.skin_joints
-        tracks = AnimationReader(document, accessors, builder.model_node, joints).read(self.options.animation)
+        if not any(node.meshes for node in builder.nodes):
+            document.warn("has nothing to draw")
+        animations = AnimationReader(document, accessors, builder.model_node, builder.skin_joints)
         return Model(
             nodes=builder.nodes,
             meshes=library.meshes,
@@ -75,5 +76,5 @@ class GltfLoader(Loader):
             images=images.decode(),
             lights=lights,
             cameras=cameras,
-            tracks=tracks,
+            tracks=animations.read(self.options.animation),
         )

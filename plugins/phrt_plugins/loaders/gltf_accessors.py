@@ -24,7 +24,7 @@ TYPE_SHAPES = {
 
 
 class Budget:
-    """Bytes a file may still make us allocate. A small file can ask for much: counts without data, views read many times."""
+    """Bytes a file may still make us allocate: a small one can ask for much, by counts without data."""
 
     def __init__(self, limit: int = MAX_FILE_BYTES) -> None:
         self.limit = limit
@@ -168,14 +168,20 @@ class Accessors:
     def check_all(self) -> None:
         """Check every accessor's header and data, so that a broken file says so whatever is drawn of it."""
         for index, element in enumerate(self.document.lists["accessors"]):
-            if element.data.get("type") not in TYPE_SHAPES or element.data.get("componentType") not in COMPONENT_DTYPES:
-                if "type" in element and "componentType" in element and index not in self._headers:
-                    self.document.warn(f"{element.where} has an unknown type and is ignored")
-                    continue
+            if self._is_unknown(element) and index not in self._headers:
+                self.document.warn(f"{element.where} has an unknown type and is ignored")
+                continue
             accessor = self.header(index)
-            has_data = accessor.view is not None and self.buffers[self.views[accessor.view].buffer] is not None
-            if has_data or accessor.sparse is not None:
+            if accessor.view is not None and self.buffers[self.views[accessor.view].buffer] is not None:
                 self.raw(index)
+
+    @staticmethod
+    def _is_unknown(element: Element) -> bool:
+        """Is an accessor of a type or component type that glTF 2.0 does not have (rather than without one)?"""
+        kind, component = element.data.get("type"), element.data.get("componentType")
+        return (isinstance(kind, str) and kind not in TYPE_SHAPES and component is not None) or (
+            isinstance(component, int) and component not in COMPONENT_DTYPES and kind is not None
+        )
 
     def raw(self, index: int) -> np.ndarray:
         """(count, components) in the stored type, read-only; matrices column by column. Floats are finite."""
@@ -238,7 +244,7 @@ class Accessors:
         return np.frombuffer(data[start : start + size], dtype).reshape(count, components)
 
     def floats(self, index: int, *, normalize: bool | None = None) -> np.ndarray:
-        """(count, components) float32, a fresh array. Integers are normalised where the accessor, or `normalize`, says so."""
+        """(count, components) float32, a fresh array; integers normalised where it, or `normalize`, says so."""
         accessor, values = self.header(index), self.raw(index)
         self.budget.spend(values.size * 4, accessor.where)
         return to_float(values, accessor.normalized if normalize is None else normalize)

@@ -21,7 +21,7 @@ INTERPOLATIONS: dict[str, Literal["step", "linear", "cubic"]] = {
 
 
 class AnimationReader:
-    """Reads tracks; `model_node` maps glTF nodes to nodes of the model, `joints` are the glTF nodes that move skins in use."""
+    """Reads tracks. `model_node` maps glTF nodes to the model's; `joints` are the glTF nodes that move skins in use."""
 
     def __init__(self, document: Document, accessors: Accessors, model_node: dict[int, int], joints: set[int]) -> None:
         self.document = document

@@ -74,7 +74,7 @@ def parse_glb(data: bytes, warn: Callable[[str], None]) -> Container:
 
 
 def _chunks(data: bytes, length: int) -> list[tuple[int, bytes]]:
-    chunks = []
+    chunks: list[tuple[int, bytes]] = []
     at = 12
     while at < length:
         where = f"GLB chunk {len(chunks)}"
@@ -128,11 +128,12 @@ def check_uri(uri: str, where: str) -> None:
         if SCHEME.match(text):
             fail(
                 where,
-                f"'{shorten(text)}' has the scheme '{text.split(':')[0]}:'; only relative file names and data: URIs are read",
+                f"'{shorten(text)}' has the scheme '{text.split(':')[0]}:'; "
+                "only relative file names and data: URIs are read",
             )
         if text.startswith(("//", "\\\\")):
             fail(where, f"'{shorten(text)}' names another machine; only relative file names and data: URIs are read")
-        if not text or any(ord(character) < 32 for character in text):
+        if not text or text.startswith(":") or any(ord(character) < 32 for character in text):
             fail(where, f"{shorten(text)!r} is not a file name")
 
 
@@ -152,7 +153,7 @@ def resolve_uri(uri: str, where: str, context: LoadContext) -> Path:
 
 
 def stays_beside(uri: str) -> bool:
-    """Does a relative URI name something in the file's own folder or below? (Then failing to resolve means: missing.)"""
+    """Does a relative URI name something in the file's own folder or below? Failing to resolve then means: missing."""
     depth = 0
     reference = unquote(uri).replace("\\", "/")
     for part in PurePosixPath(reference).parts:

@@ -6,7 +6,7 @@ import math
 from typing import cast
 
 from phrt.errors import AssetError
-from phrt.model import CameraLens, Light
+from phrt.model import CameraLens, Light, LightKind
 from phrt_plugins.loaders.gltf_json import Document, Element
 from phrt_plugins.loaders.gltf_materials import EMPTY, color
 
@@ -65,7 +65,7 @@ def read_light(element: Element) -> Light:
     outer = spot.number("outerConeAngle", math.pi / 4, 0.0, math.pi / 2)
     inner = spot.number("innerConeAngle", 0.0, 0.0, math.pi / 2)
     return Light(
-        kind=cast("object", kind),  # type: ignore[arg-type]
+        kind=cast(LightKind, kind),
         name=element.string("name", ""),
         color=color(element, "color", (1.0, 1.0, 1.0)),
         intensity=element.number("intensity", 1.0, low=0.0),

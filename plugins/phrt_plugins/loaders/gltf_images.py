@@ -1,4 +1,4 @@
-"""glTF images: found, checked and decoded, several at once, to RGBA bytes; a checker stands in for what cannot be read."""
+"""glTF images: found, checked and decoded to RGBA bytes, several at once; a checker stands in for unreadable ones."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class Images:
         return self.slots.setdefault(image, len(self.slots))
 
     def _source(self, texture: Element) -> int | None:
-        """The image of a texture: WebP where Pillow reads it, else its PNG or JPEG; None (placeholder) when there is neither."""
+        """A texture's image: WebP where Pillow reads it, else PNG or JPEG; None (placeholder) where there is neither."""
         webp = texture.extension("EXT_texture_webp")
         if webp is not None and "source" in webp and features.check("webp"):
             return self.document.refer(webp, "source", "images")
@@ -170,7 +170,7 @@ def open_picture(data: bytes) -> Any:
 
 
 def to_rgba(picture: Any, max_size: int) -> np.ndarray:
-    """Decode to (H, W, 4) uint8, made smaller so that no side is over `max_size` pixels. Raises ImageUnreadableError."""
+    """Decode to (H, W, 4) uint8, with no side over `max_size` pixels. Raises ImageUnreadableError."""
     try:
         if max(picture.size) > max_size:
             picture.draft(None, (max_size, max_size))

@@ -29,7 +29,7 @@ def fail(where: str, reason: str) -> NoReturn:
 
 
 def parse_json(text: bytes, where: str) -> dict[str, Any]:
-    """The JSON object in `text`. Raises AssetError for anything else: not UTF-8, malformed, too deep or large, duplicate keys, NaN."""
+    """The JSON object in `text`. AssetError when it is not UTF-8, malformed, too deep, too large, or has a key twice."""
     if sum(text.count(token) for token in (b",", b"{", b"[")) > MAX_JSON_TOKENS:
         fail(where, f"has more than {MAX_JSON_TOKENS:,} JSON values")
     try:
@@ -91,10 +91,10 @@ class Element:
         """A whole number in [low, high]; required when there is no default."""
         if key not in self.data:
             return self._missing(key) if default is None else default
-        return self._whole(self.data[key], self.place(key), low, high)
+        return self.whole(self.data[key], self.place(key), low, high)
 
     @staticmethod
-    def _whole(value: Any, where: str, low: int, high: int) -> int:
+    def whole(value: Any, where: str, low: int, high: int) -> int:
         if isinstance(value, float) and value.is_integer():
             value = int(value)
         if isinstance(value, bool) or not isinstance(value, int):
@@ -132,7 +132,7 @@ class Element:
         """`length` numbers in [low, high] (any count when None); required when there is no default."""
         if key not in self.data:
             return self._missing(key) if default is None else default
-        values, where = self._array(key), self.place(key)
+        values, where = self.array(key), self.place(key)
         if length is not None and len(values) != length:
             fail(where, f"has {len(values)} numbers; it must have {length}")
         return tuple(self._number(value, f"{where}[{i}]", low, high) for i, value in enumerate(values))
@@ -169,7 +169,7 @@ class Element:
         extensions = self.child("extensions")
         return extensions.child(name) if extensions else None
 
-    def _array(self, key: str) -> list[Any]:
+    def array(self, key: str) -> list[Any]:
         values = self.data[key]
         if not isinstance(values, list):
             self.fail(key, f"must be an array, not {json_type(values)}")
@@ -179,7 +179,7 @@ class Element:
         """The objects of the array under `key`; empty where there is none."""
         if key not in self.data:
             return []
-        values, where = self._array(key), self.place(key)
+        values, where = self.array(key), self.place(key)
         if len(values) > MAX_ENTRIES:
             fail(where, f"has {len(values):,} entries; at most {MAX_ENTRIES:,} are read")
         for i, value in enumerate(values):
@@ -190,7 +190,7 @@ class Element:
     def strings(self, key: str) -> list[str]:
         if key not in self.data:
             return []
-        values = self._array(key)
+        values = self.array(key)
         if any(not isinstance(value, str) for value in values):
             self.fail(key, "must hold strings only")
         return [value.encode("utf-8", "replace").decode("utf-8") for value in values]
@@ -231,7 +231,7 @@ class Document:
             self._warn(message)
 
     def refer(self, element: Element, key: str, target: str) -> int | None:
-        """The index under `key` into the array `target`; None where there is none. AssetError when it points nowhere."""
+        """The index under `key` into the array `target`, None where absent. AssetError when it points nowhere."""
         return self._check(element.integer(key), element.place(key), target) if key in element else None
 
     def refer_required(self, element: Element, key: str, target: str) -> int:
@@ -241,9 +241,9 @@ class Document:
         """The indices in the array under `key`; empty where there is none."""
         if key not in element:
             return []
-        values, where = element._array(key), element.place(key)
+        values, where = element.array(key), element.place(key)
         return [
-            self._check(Element._whole(v, f"{where}[{i}]", 0, 2**53), f"{where}[{i}]", target)
+            self._check(Element.whole(v, f"{where}[{i}]", 0, 2**53), f"{where}[{i}]", target)
             for i, v in enumerate(values)
         ]
 

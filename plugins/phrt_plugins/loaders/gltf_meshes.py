@@ -127,7 +127,7 @@ def face_normals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def finish(part: Part, *, make_flat: bool) -> Part:
-    """Flat normals where they are missing and wanted, tangents where a normal map needs them, no vertices nothing uses."""
+    """Flat normals where missing and wanted, tangents where a normal map needs them, no vertex that nothing uses."""
     if part.normals is None and make_flat:
         part = flat_shaded(part)
     ref = part.normal_map
@@ -183,7 +183,7 @@ def merge(name: str, parts: list[Part]) -> Mesh:
         if all(array is None for array in arrays):
             return None
         rows = [
-            np.tile(np.float32(fill), (len(p.positions), 1)) if a is None else a
+            np.tile(np.array(fill, np.float32), (len(p.positions), 1)) if a is None else a
             for p, a in zip(parts, arrays, strict=True)
         ]
         return np.ascontiguousarray(np.concatenate(rows), dtype=np.float32)

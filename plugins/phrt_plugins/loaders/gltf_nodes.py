@@ -20,7 +20,7 @@ IDENTITY = np.eye(4)
 
 @dataclass
 class Hierarchy:
-    """The checked hierarchy of all nodes: parents (-1 for roots), children, local matrices (N, 4, 4), parents-first order."""
+    """All nodes, checked: parents (-1: root), children, local matrices (N, 4, 4), and an order with parents first."""
 
     parent: list[int]
     children: list[list[int]]
@@ -99,9 +99,7 @@ def scene_roots(document: Document, hierarchy: Hierarchy, wanted: int | str | No
     default = document.refer(document.root, "scene", "scenes")
     if default is None and not scenes:
         roots = [node for node, parent in enumerate(hierarchy.parent) if parent < 0]
-        document.warn(
-            "has no scene; all of its nodes are drawn" if roots else "has neither scenes nor nodes; nothing is drawn"
-        )
+        document.warn("has no scene; all of its nodes are drawn" if roots else "has neither scenes nor nodes")
         return roots
     return document.refer_all(scenes[default or 0], "nodes", "nodes")
 
@@ -119,8 +117,8 @@ def pick(elements: list[Element], wanted: int | str, what: str) -> int:
 
 
 class NodeBuilder:
-    """Makes the nodes of one scene. `model_node` maps a glTF node to its place in `nodes`; `skin_joints` are the glTF nodes
-    that place skinned meshes."""
+    """Makes the nodes of one scene. `model_node` maps a glTF node to its place in `nodes`; `skin_joints` are the glTF
+    nodes that place skinned meshes."""
 
     def __init__(
         self, document: Document, accessors: Accessors, hierarchy: Hierarchy, library: MeshLibrary, skins: Skins

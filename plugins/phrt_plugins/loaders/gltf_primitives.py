@@ -32,9 +32,9 @@ ALWAYS_NORMALIZED = ("NORMAL", "TANGENT", "COLOR", "WEIGHTS")
 class Part:
     """Primitives that share vertices. V vertices, T triangles, float32 arrays, absent attributes None.
 
-    positions (V, 3); normals (V, 3); tangents (V, 4); uvs: per set (V, 2); colors (V, 4); joints (V, 4 * sets) int64 and
-    weights (V, 4 * sets); triangles (T, 3) int64; triangle_material (T,) int32; targets: per morph target, accessor by
-    attribute; normal_map: the texture tangents are needed for.
+    positions (V, 3); normals (V, 3); tangents (V, 4); uvs: per set (V, 2); colors (V, 4); joints (V, 4 * sets) int64
+    and weights (V, 4 * sets); triangles (T, 3) int64; triangle_material (T,) int32; targets: per morph target, accessor
+    by attribute; normal_map: the texture tangents are needed for.
     """
 
     where: str
@@ -135,7 +135,7 @@ class PrimitiveReader:
         if accessor.kind not in allowed or accessor.dtype == np.dtype("<u4"):
             fail(
                 accessor.where,
-                f"is {accessor.kind} of {accessor.dtype.name}, which {name} cannot be; it must be {' or '.join(allowed)}",
+                f"is {accessor.kind} of {accessor.dtype.name}; {name} must be {' or '.join(allowed)}, and not uint32",
             )
         normalize = semantic in ALWAYS_NORMALIZED or accessor.normalized
         if decoded is None or name not in decoded.attributes:
@@ -203,10 +203,13 @@ class PrimitiveReader:
                 accessor.where,
                 f"is {accessor.kind} of {accessor.dtype.name}; indices are SCALAR of uint8, uint16 or uint32",
             )
-        return self.accessors.raw(index)[:, 0].astype(np.int64)
+        indices = self.accessors.raw(index)[:, 0]
+        if len(indices) and indices.max() == np.iinfo(indices.dtype).max:
+            self.document.warn(f"{accessor.where} uses an index that glTF reserves; it is read as any other")
+        return indices.astype(np.int64)
 
     def _assemble(self, primitive: Element, order: np.ndarray, mode: int) -> np.ndarray:
-        """Triangles from vertices in order: lists, strips (every second one turned) and fans (glTF 2.0, section 3.7.2.1)."""
+        """Triangles of vertices in order: lists, strips (every second one turned), fans (glTF 2.0, section 3.7.2.1)."""
         if mode == TRIANGLES:
             if len(order) % 3:
                 self.document.warn(

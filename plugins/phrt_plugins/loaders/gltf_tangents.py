@@ -1,8 +1,9 @@
 """Tangents for normal maps where a file has none, in the manner of MikkTSpace, in numpy.
 
-As MikkTSpace does: vertices equal in position, normal and texture coordinates are one; a triangle counts by its corner's
-angle; vertices where mirrored and unmirrored texture space meet are split. Unlike it, triangles of one handedness that
-share a vertex are always smoothed together, and triangles without area in texture space follow their neighbours.
+As MikkTSpace does: vertices equal in position, normal and texture coordinates are one; a triangle counts by the angle
+of its corner; vertices where mirrored and unmirrored texture space meet are split. Unlike it, triangles of one
+handedness that share a vertex are always smoothed together, and triangles without area in texture space follow their
+neighbours.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ def make_tangents(
 def triangle_tangents(
     positions: np.ndarray, uv: np.ndarray, triangles: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Per triangle: d position / d u, unit (T, 3); handedness -1, 0 (no area in texture space) or 1 (T,); corner angles (T, 3)."""
+    """Per triangle: d position / d u, unit (T, 3); handedness 1, -1 or, without area, 0 (T,); corner angles (T, 3)."""
     with np.errstate(all="ignore"):
         corner = positions[triangles]
         texture = uv[triangles]
@@ -69,7 +70,7 @@ def triangle_tangents(
 
 
 def corner_handedness(corners: np.ndarray, welded: np.ndarray, handedness: np.ndarray) -> np.ndarray:
-    """(C,) 1 for mirrored corners, else 0; corners without handedness take their vertex's, unmirrored when it has both or none."""
+    """(C,) 1 for mirrored corners, else 0; those without handedness are as their vertex, 0 when that has both."""
     count = int(welded.max()) + 1 if len(welded) else 0
     plus = np.zeros(count, bool)
     minus = np.zeros(count, bool)
@@ -97,7 +98,7 @@ def unit(vectors: np.ndarray) -> np.ndarray:
 
 
 def orthonormal(vectors: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """(n, 3) unit vectors near `vectors` and perpendicular to `normals`; any perpendicular one where a vector is zero."""
+    """(n, 3) unit vectors near `vectors`, perpendicular to `normals`; any perpendicular one where a vector is zero."""
     result = unit(vectors - normals * (normals * vectors).sum(axis=1, keepdims=True))
     bad = (result * result).sum(axis=1) < 0.5
     if bad.any():
