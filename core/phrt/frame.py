@@ -65,7 +65,7 @@ class FrameResult:
     """A finished frame.
 
     image: (H, W, 3) float32, linear Rec.709, exposure applied. gbuffer: of the last sub-pixel sample.
-    layers: (H, W, C) float32 by layer name, averaged over samples; "direct" is the unshadowed direct light (H, W, 3).
+    layers: (H, W, C) float32 by layer name, averaged over samples. direct: (H, W, L, 3), unshadowed, of the last sample.
     masks: (H, W) uint8 by layer name, see MASK_*. stages: milliseconds by stage, summing to `milliseconds`.
     rays: how many by kind ("primary" and each effect).
     """
@@ -73,6 +73,7 @@ class FrameResult:
     image: np.ndarray
     gbuffer: GBuffer
     layers: dict[str, np.ndarray]
+    direct: np.ndarray
     masks: dict[str, np.ndarray]
     decisions: Decisions
     stages: dict[str, float]

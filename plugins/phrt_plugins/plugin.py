@@ -3,6 +3,12 @@
 from __future__ import annotations
 
 from phrt.registry import EffectPlugin, LoaderPlugin, hookimpl
+from phrt_plugins.effects.options import (
+    AmbientOcclusionOptions,
+    ReflectionsOptions,
+    RefractionsOptions,
+    ShadowsOptions,
+)
 from phrt_plugins.loaders.options import AtriumOptions, GltfOptions, MeshOptions
 
 
@@ -13,24 +19,28 @@ def phrt_effects() -> list[EffectPlugin]:
             name="shadows",
             summary="Shadow rays to every light: hard for point lights, soft for lights with an area.",
             factory="phrt_plugins.effects.shadows:Shadows",
+            options=ShadowsOptions,
             order=10,
         ),
         EffectPlugin(
             name="reflections",
             summary="Mirror and glossy reflections, hits shaded with shadows.",
             factory="phrt_plugins.effects.reflections:Reflections",
+            options=ReflectionsOptions,
             order=20,
         ),
         EffectPlugin(
             name="refractions",
             summary="Glass: Fresnel, total internal reflection, Beer-Lambert.",
             factory="phrt_plugins.effects.refractions:Refractions",
+            options=RefractionsOptions,
             order=30,
         ),
         EffectPlugin(
             name="ambient_occlusion",
             summary="How much of the ambient light reaches a point past its surroundings.",
             factory="phrt_plugins.effects.ambient_occlusion:AmbientOcclusion",
+            options=AmbientOcclusionOptions,
             order=40,
         ),
     ]

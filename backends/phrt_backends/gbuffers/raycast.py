@@ -50,13 +50,20 @@ class RaycastProducer(GBufferProducer):
     def update(self, world: World, changes: Changes) -> None:
         """Nothing to do: the tracer was updated, and the world's arrays are shared."""
 
-    def render(self, view: CameraView, *, channels: Iterable[str] = tuple(CHANNELS), opaque_only: bool = False) -> GBuffer:
+    def render(
+        self,
+        view: CameraView,
+        *,
+        channels: Iterable[str] = tuple(CHANNELS),
+        opaque_only: bool = False,
+        pixels: np.ndarray | None = None,
+    ) -> GBuffer:
         gbuffer = GBuffer(view.width, view.height)
         for channel in CHANNELS.values():
             shape: tuple[int, ...] = (view.height, view.width)
             gbuffer.arrays[channel.name] = self._buffers.take(shape if channel.components == 1 else (*shape, channel.components), channel.dtype)
         out = surface_arrays(gbuffer)
-        order = tile_order(view.width, view.height)
+        order = tile_order(view.width, view.height) if pixels is None else pixels
         world_from_view = view.world_from_view.astype(np.float32)
 
         def chunk(part: slice) -> None:

@@ -6,6 +6,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from phrt.channels import CHANNELS, GBuffer
 
 if TYPE_CHECKING:
@@ -25,8 +27,17 @@ class GBufferProducer(ABC):
         """Take over the new places of `changes.objects`."""
 
     @abstractmethod
-    def render(self, view: CameraView, *, channels: Iterable[str] = tuple(CHANNELS), opaque_only: bool = False) -> GBuffer:
+    def render(
+        self,
+        view: CameraView,
+        *,
+        channels: Iterable[str] = tuple(CHANNELS),
+        opaque_only: bool = False,
+        pixels: np.ndarray | None = None,
+    ) -> GBuffer:
         """The G-buffer of `view` (its size and sub-pixel jitter included), at least the `channels` asked for.
+
+        pixels: (n,) int32 flat indices, the only ones that will be looked at; the others may hold anything.
 
         opaque_only: leave out objects that let light through (`world.object_opaque` false): what is behind glass.
         Alpha-masked texels below their cut-off are not there. Single-sided materials are culled from behind.

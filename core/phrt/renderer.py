@@ -1,0 +1,295 @@
+"""The frame loop: a scene, a G-buffer producer, a tracer, effects and a heuristic, put together and run."""
+
+from __future__ import annotations
+
+import math
+import time as clock
+from collections.abc import Mapping
+from types import TracebackType
+
+import numpy as np
+
+from phrt.buffers import BufferPool
+from phrt.camera import CameraView
+from phrt.candidates import EffectScope, find_work
+from phrt.channels import CHANNELS, GBuffer
+from phrt.composite import all_rows, compose, light_surfaces
+from phrt.errors import OptionError
+from phrt.frame import Decisions, Frame, FrameResult
+from phrt.interfaces.effect import RayEffect
+from phrt.interfaces.gbuffer import GBufferProducer
+from phrt.interfaces.heuristic import FrameContext, Heuristic
+from phrt.interfaces.tracer import Tracer
+from phrt.kernels.arrays import environment_arrays, geometry_arrays, material_arrays, surface_arrays
+from phrt.registry.auto import choose_gbuffer, choose_tracer
+from phrt.registry.manager import get_registry
+from phrt.sampling import jitter_pattern
+from phrt.scene import Scene
+from phrt.scheduler import BudgetScheduler, LayerSet, apply_fallbacks
+from phrt.workers import Workers
+from phrt.world import World
+
+DEFAULT_SIZE = (640, 360)
+MAX_SIDE = 16384
+DEFAULT_EFFECTS = ("shadows", "reflections", "refractions")
+"""What is traced when nobody names effects. A fixed list: installing a plugin never changes a picture."""
+FRAME_CHANNELS = tuple(name for name in CHANNELS if name != "motion")
+
+
+class Stages:
+    """Wall-clock milliseconds by stage. Every moment belongs to one stage, so that the parts sum to the frame."""
+
+    def __init__(self) -> None:
+        self.milliseconds: dict[str, float] = {}
+        self._last = clock.perf_counter()
+
+    def done(self, stage: str) -> None:
+        """The time since the last call belongs to `stage`."""
+        now = clock.perf_counter()
+        self.milliseconds[stage] = self.milliseconds.get(stage, 0.0) + (now - self._last) * 1e3
+        self._last = now
+
+
+class Renderer:
+    """Renders frames of one scene.
+
+    scene     : what `phrt.load_scene` returned
+    size      : (width, height) in pixels; by default the scene's own, else 640 x 360
+    heuristic : name of a heuristic plugin, or a `Heuristic`; by default the scene's own, else "all_trace"
+    budget    : None, no limit
+    gbuffer   : "moderngl", "raycast", "auto" (moderngl on a hardware GL, else raycast), or a plugin's name
+    tracer    : "embree", "open3d", "numpy", "auto" (the first available in this order), or a plugin's name
+    threads   : how many; by default one per usable core
+    effects   : options by effect name, over those of the scene; `{"shadows": {"samples": 4}}`
+    aa        : samples per pixel by sub-pixel jitter; 1 for real time
+    strict    : an effect that fails raises instead of being switched off
+
+    Use it as a context manager; it holds threads, a tracer and perhaps a GL context, and must be used from one thread.
+    Raises OptionError for a bad size, aa or budget, PluginError for a plugin that is unknown or unavailable.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        size: tuple[int, int] | None = None,
+        heuristic: str | Heuristic | None = None,
+        budget: None = None,
+        gbuffer: str = "auto",
+        tracer: str = "auto",
+        threads: int | None = None,
+        effects: Mapping[str, Mapping[str, object]] | None = None,
+        aa: int = 1,
+        strict: bool = False,
+    ) -> None:
+        self.size = _checked_size(size or scene.settings.size or DEFAULT_SIZE)
+        if not 1 <= aa <= 1024:
+            raise OptionError(f"aa is {aa}; it must be 1 to 1024 samples per pixel")
+        if threads is not None and not 1 <= threads <= 1024:
+            raise OptionError(f"threads is {threads}; it must be 1 to 1024")
+        if budget is not None:
+            raise OptionError(f"budget is {budget!r}; only None (no limit) is available in this version")
+        registry = get_registry()
+        self.scene = scene
+        self.aa = aa
+        self.tracer_name = choose_tracer(registry).name if tracer == "auto" else tracer
+        self.gbuffer_name = choose_gbuffer(registry).name if gbuffer == "auto" else gbuffer
+        self.effects: list[RayEffect] = _make_effects(scene, effects)
+        name = heuristic or scene.settings.heuristic or "all_trace"
+        self.heuristic: Heuristic = name if isinstance(name, Heuristic) else registry.create("heuristic", name)
+        self.workers = Workers(threads)
+        self.world = World(scene)
+        self.tracer: Tracer = registry.create("tracer", self.tracer_name)
+        self.tracer.build(self.world)
+        needs_tracer = getattr(registry.get("gbuffer", self.gbuffer_name), "needs_tracer", False)
+        dependencies = {"tracer": self.tracer, "workers": self.workers} if needs_tracer else {}
+        self.producer: GBufferProducer = registry.create("gbuffer", self.gbuffer_name, **dependencies)
+        self.producer.build(self.world)
+        self._scopes = [EffectScope.of(effect, self.world) for effect in self.effects]
+        self._scheduler = BudgetScheduler(strict=strict)
+        self._buffers = BufferPool()
+        self._fallbacks_ready = False
+        self._index = 0
+
+    def __enter__(self) -> Renderer:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give threads, tracer and GL context back."""
+        self.producer.close()
+        self.tracer.close()
+        self.workers.close()
+
+    def move(self, path: str, matrix: np.ndarray | None) -> None:
+        """From the next frame on, object `path` stands at `matrix` (4, 4) world_from_local; None returns it to its node."""
+        for object_id, entry in enumerate(self.scene.objects, start=1):
+            if entry.path == path:
+                self.world.set_object_matrix(object_id, matrix)
+                return
+        from phrt.errors import did_you_mean
+
+        raise OptionError(f"no object '{path}' in scene '{self.scene.name}'.{did_you_mean(path, [o.path for o in self.scene.objects])}")
+
+    def render(self, time: float = 0.0, *, frame_index: int | None = None, camera: int | str | CameraView = 0) -> FrameResult:
+        """One frame at `time` seconds, seen by scene camera `camera` (number or path) or by a view of your own.
+
+        frame_index: what randomness is seeded with; by default frames count up from 0.
+        """
+        if not math.isfinite(time):
+            raise OptionError(f"time is {time}; it must be a finite number of seconds")
+        stages = Stages()
+        index = self._index if frame_index is None else frame_index
+        self._index = index + 1
+        changes = self.world.advance(time)
+        if changes.objects:
+            self.tracer.update(self.world, changes)
+            self.producer.update(self.world, changes)
+        if changes:
+            self._fallbacks_ready = False
+        view = self._view(camera)
+        stages.done("update")
+        samples = [
+            self._sample(view.with_jitter(x, y), index, number, time, stages)
+            for number, (x, y) in enumerate(jitter_pattern(self.aa))
+        ]
+        result = _accumulate(samples, index, time, stages)
+        stages.done("composite")
+        return result
+
+    def _view(self, camera: int | str | CameraView) -> CameraView:
+        if isinstance(camera, CameraView):
+            return camera
+        cameras = self.scene.cameras
+        if isinstance(camera, str):
+            paths = [entry.path for entry in cameras]
+            if camera not in paths:
+                from phrt.errors import did_you_mean
+
+                raise OptionError(f"no camera '{camera}'; the scene has {', '.join(paths) or 'none'}.{did_you_mean(camera, paths)}")
+            camera = paths.index(camera)
+        if not 0 <= camera < len(cameras):
+            raise OptionError(f"no camera number {camera}; the scene has {len(cameras)}, counted from 0")
+        return self.world.view(*self.size, camera)
+
+    def _sample(self, view: CameraView, index: int, number: int, time: float, stages: Stages) -> _Sample:
+        """One G-buffer, traced and composed."""
+        gbuffer = self.producer.render(view, channels=FRAME_CHANNELS)
+        surfaces = surface_arrays(gbuffer)
+        stages.done("gbuffer")
+        count = view.width * view.height
+        world, materials = self.world, material_arrays(self.world)
+        direct = self._buffers.take((count, len(world.lights), 3))
+        light_surfaces(surfaces, materials.materials, world.lights, view, all_rows(count), direct, self.workers)
+        stages.done("direct")
+        frame = Frame(
+            world=world,
+            view=view,
+            gbuffer=gbuffer,
+            surfaces=surfaces,
+            direct=direct,
+            tracer=self.tracer,
+            producer=self.producer,
+            workers=self.workers,
+            geometry=geometry_arrays(world),
+            materials=materials,
+            environment=environment_arrays(world),
+            index=index,
+            time=time,
+            seed=(index * self.aa + number) & 0x7FFFFFFF,
+        )
+        work = find_work(frame, self.effects, self._scopes)
+        layers = self._clear_layers(count)
+        stages.done("candidates")
+        context = FrameContext(world=world, frame_index=index, time=time, budget=math.inf)
+        decisions = self._scheduler.run(frame, self.effects, work, self.heuristic, context, layers)
+        stages.done("rays")
+        if not decisions.chosen.all():
+            if not self._fallbacks_ready:
+                for effect in self.effects:
+                    effect.prepare_fallback(frame)
+                self._fallbacks_ready = True
+            apply_fallbacks(frame, self.effects, work, decisions.chosen, layers)
+        stages.done("fallbacks")
+        image = self._buffers.take((count, 3))
+        exposure = view.exposure * self.scene.settings.exposure
+        compose(
+            surfaces, materials.materials, frame.environment, world.environment.visible, view, all_rows(count), direct,
+            layers.arrays, layers.masks, exposure, image, self.workers,
+        )  # fmt: skip
+        stages.done("composite")
+        primary = count if self.gbuffer_name == "raycast" else 0
+        return _Sample(image, gbuffer, direct, layers, decisions, primary)
+
+    def _clear_layers(self, count: int) -> LayerSet:
+        """Every layer the composition reads, at its clear value, and those of further effects."""
+        wanted = {"visibility": (len(self.world.lights), 1.0), "ambient_occlusion": (1, 1.0), "reflection": (3, 0.0), "refraction": (3, 0.0)}
+        for effect in self.effects:
+            wanted.setdefault(effect.writes.name, (effect.writes.width(self.world), effect.writes.clear))
+        layers = LayerSet({}, {})
+        for name, (components, clear) in wanted.items():
+            layers.arrays[name] = self._buffers.take((count, components))
+            layers.arrays[name].fill(clear)
+            layers.masks[name] = self._buffers.take((count,), np.uint8)
+            layers.masks[name].fill(0)
+        return layers
+
+
+class _Sample:
+    """One sub-pixel sample of a frame; arrays (P, ...)."""
+
+    def __init__(
+        self, image: np.ndarray, gbuffer: GBuffer, direct: np.ndarray, layers: LayerSet, decisions: Decisions, primary_rays: int
+    ) -> None:
+        self.image, self.gbuffer, self.direct = image, gbuffer, direct
+        self.layers, self.decisions, self.primary_rays = layers, decisions, primary_rays
+
+
+def _accumulate(samples: list[_Sample], index: int, time: float, stages: Stages) -> FrameResult:
+    """The mean of the samples' images and layers; G-buffer, masks and decisions of the last."""
+    last = samples[-1]
+    height, width = last.gbuffer.height, last.gbuffer.width
+    image = last.image if len(samples) == 1 else np.mean([s.image for s in samples], axis=0)
+    layers = {
+        name: (array if len(samples) == 1 else np.mean([s.layers.arrays[name] for s in samples], axis=0)).reshape(height, width, -1)
+        for name, array in last.layers.arrays.items()
+    }
+    rays = {"primary": sum(s.primary_rays for s in samples)}
+    for name in last.layers.rays:
+        rays[name] = sum(s.layers.rays.get(name, 0) for s in samples)
+    return FrameResult(
+        image=image.reshape(height, width, 3),
+        gbuffer=last.gbuffer,
+        layers=layers,
+        direct=last.direct.reshape(height, width, -1, 3),
+        masks={name: mask.reshape(height, width) for name, mask in last.layers.masks.items()},
+        decisions=last.decisions,
+        stages=stages.milliseconds,
+        rays=rays,
+        index=index,
+        time=time,
+    )
+
+
+def _checked_size(size: tuple[int, int]) -> tuple[int, int]:
+    width, height = size
+    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
+        raise OptionError(f"size is {width}x{height}; each side must be 1 to {MAX_SIDE} pixels")
+    return int(width), int(height)
+
+
+def _make_effects(scene: Scene, options: Mapping[str, Mapping[str, object]] | None) -> list[RayEffect]:
+    """The default effects and those named by the scene or the caller, with the scene's options and then the caller's.
+
+    `enabled: false` among an effect's options leaves it out.
+    """
+    registry = get_registry()
+    given: dict[str, dict[str, object]] = {name: {} for name in DEFAULT_EFFECTS}
+    for source in (scene.settings.effects, options or {}):
+        for name, values in source.items():
+            registry.get("effect", name)
+            given.setdefault(name, {}).update(values)
+    wanted = {name for name, values in given.items() if values.pop("enabled", True)}
+    return [registry.create("effect", name, given[name]) for name in registry.names("effect") if name in wanted]

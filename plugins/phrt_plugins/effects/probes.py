@@ -1,0 +1,2 @@
+class Probes:
+    def __init__(self,n): pass

@@ -1,0 +1,2 @@
+class ShadowMaps:
+    def __init__(self,n): pass
