@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+import platform
 import threading
 from dataclasses import dataclass
 from functools import lru_cache
@@ -34,12 +34,11 @@ def open_context(device: int = 0) -> Any:
         raise PluginError(
             f"G-buffer 'moderngl': the package moderngl cannot be imported ({error}); pip install moderngl"
         ) from error
+    settings: dict[str, Any] = {"standalone": True, "require": REQUIRED_VERSION}
+    if platform.system() == "Linux":
+        settings |= {"backend": "egl", "device_index": device}
     try:
-        if sys.platform.startswith("linux"):
-            return moderngl.create_context(
-                standalone=True, require=REQUIRED_VERSION, backend="egl", device_index=device
-            )
-        return moderngl.create_context(standalone=True, require=REQUIRED_VERSION)
+        return moderngl.create_context(**settings)
     except Exception as error:  # moderngl and glcontext raise bare Exception
         raise PluginError(
             f"G-buffer 'moderngl': no OpenGL 3.3 context (device {device}): {error}; {INSTALL_HINT}"
@@ -87,5 +86,6 @@ class ThreadGuard:
         if threading.get_ident() != self._owner:
             here = threading.current_thread().name
             raise RuntimeError(
-                f"the moderngl producer was made on thread '{self._owner_name}' and is used on '{here}'; use it on one thread only"
+                f"the moderngl producer was made on thread '{self._owner_name}' and is used on '{here}'; "
+                "use it on one thread only"
             )

@@ -104,7 +104,7 @@ def output_statements(layout: Layout) -> str:
 
 
 def unpack(channel: str, first: int, packed: np.ndarray, out: np.ndarray) -> None:
-    """Copy `channel` from component `first` on of packed (pixels, components) float32 into out (pixels[, n]), decoded."""
+    """Decode `channel`, from component `first` on, of packed (pixels, components) float32 into out (pixels[, n])."""
     if channel == "depth":
         with np.errstate(divide="ignore"):
             np.divide(np.float32(1.0), packed[:, first], out=out)

@@ -26,6 +26,7 @@ from typing import Any
 
 import numpy as np
 
+from phrt.buffers import BufferPool
 from phrt.camera import CameraView
 from phrt.channels import CHANNELS, GBuffer
 from phrt.interfaces.gbuffer import GBufferProducer
@@ -53,7 +54,7 @@ class Target:
 
 @dataclass
 class Past:
-    """Where camera and objects were in the previous frame: unjittered clip_from_world, and object_matrix (N + 1, 4, 4)."""
+    """Where things were in the previous frame: unjittered clip_from_world (4, 4), and object_matrix (N + 1, 4, 4)."""
 
     clip_from_world: np.ndarray
     object_matrix: np.ndarray
@@ -95,6 +96,7 @@ class ModernglProducer(GBufferProducer):
         self._variants: dict[tuple[frozenset[str], Layout], Variant] = {}
         self._states: dict[frozenset[str], tuple[list[DrawState], np.ndarray]] = {}
         self._past: dict[bool, Past] = {}
+        self._buffers = BufferPool()
         self._renders = 0
 
     def build(self, world: World) -> None:
@@ -113,9 +115,17 @@ class ModernglProducer(GBufferProducer):
                 self._geometry.update(world, changes.objects)
 
     def render(
-        self, view: CameraView, *, channels: Iterable[str] = tuple(CHANNELS), opaque_only: bool = False
+        self,
+        view: CameraView,
+        *,
+        channels: Iterable[str] = tuple(CHANNELS),
+        opaque_only: bool = False,
+        pixels: np.ndarray | None = None,
     ) -> GBuffer:
-        """The G-buffer of `view` with exactly `channels`. Raises `ValueError` for unknown channels or before `build`."""
+        """The G-buffer of `view` with exactly `channels`, all pixels of it: `pixels` would not make it cheaper.
+
+        Raises `ValueError` for unknown channels or before `build`.
+        """
         wanted = checked_channels(channels)
         if self._world is None:
             raise ValueError("the moderngl producer was asked to render before build(world)")
@@ -200,6 +210,9 @@ class ModernglProducer(GBufferProducer):
         cut = (np.diff(state) != 0) | (np.diff(group) != 0) | (first[1:] != first[:-1] + rows[:-1])
         starts = np.concatenate([[0], np.flatnonzero(cut) + 1])
         counts = np.add.reduceat(rows, starts)
+        # Near ones first: what they hide is not shaded.
+        near_first = np.argsort(np.minimum.reduceat(visible.depths, starts), kind="stable")
+        starts, counts = starts[near_first], counts[near_first]
 
         gl = self._gl
         gl.enable_only(gl.DEPTH_TEST | gl.CULL_FACE)
@@ -307,7 +320,7 @@ class ModernglProducer(GBufferProducer):
             shape = (
                 (view.height, view.width) if channel.components == 1 else (view.height, view.width, channel.components)
             )
-            buffer.arrays[name] = np.empty(shape, channel.dtype)
+            buffer.arrays[name] = self._buffers.take(shape, channel.dtype)
         for i, (attachment, packed) in enumerate(zip(layout.floats, target.packed, strict=True)):
             target.framebuffer.read_into(
                 packed, components=attachment.components, attachment=i, alignment=1, dtype="f4"

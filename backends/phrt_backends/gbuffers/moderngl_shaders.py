@@ -68,7 +68,7 @@ layout(std140) uniform Material {{
     vec4 base_color;             // linear, with alpha
     vec4 emissive_and_cutoff;    // nits; alpha cut-off
     vec4 factors;                // metallic, roughness, transmission, normal scale
-    vec4 uv_rows[10];            // a texture slot: (m00, m01, m02, uv set), (m10, m11, m12, mirrored s + 2 * mirrored t)
+    vec4 uv_rows[10];            // a slot: (m00, m01, m02, uv set), (m10, m11, m12, mirrored s + 2 * mirrored t)
 }} material;
 
 uniform sampler2D base_color_texture;
