@@ -16,6 +16,11 @@ HARDWARE_GBUFFERS = ("moderngl",)
 
 FALLBACK_GBUFFER = "raycast"
 
+DEFAULT_EFFECTS = ("shadows", "reflections", "refractions")
+"""What is traced when nobody names effects."""
+
+DEFAULT_HEURISTIC = "all_trace"
+
 
 @dataclass(frozen=True)
 class Choice:

@@ -1,0 +1,125 @@
+"""What the command line says while it works: everything but results goes to standard error."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from phrt.errors import PhrtWarning
+
+PROGRESS_AFTER_S = 2.0
+
+
+@dataclass
+class Session:
+    """What one run of the command line remembers."""
+
+    debug: bool = False
+    quiet: bool = False
+    warned: list[str] = field(default_factory=list)
+    """Warnings so far, each once, in order."""
+
+
+session = Session()
+
+
+def messages() -> Console:
+    """Standard error, wrapped to the terminal; plain text where it is not one."""
+    return Console(stderr=True, highlight=False, soft_wrap=not sys.stderr.isatty())
+
+
+def results() -> Console:
+    """Standard output."""
+    return Console(highlight=False, soft_wrap=True)
+
+
+def say(text: str) -> None:
+    """A line on standard error, unless `--quiet`."""
+    if not session.quiet:
+        messages().print(text, markup=False)
+
+
+@contextmanager
+def tidy_warnings() -> Iterator[None]:
+    """Print each `PhrtWarning` once, as one line without a place in the source; leave other warnings as they are."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", PhrtWarning)
+        others = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *place: object, **more: object) -> None:
+            if not issubclass(category, PhrtWarning):
+                others(message, category, *place, **more)
+            elif str(message) not in session.warned:
+                session.warned.append(str(message))
+                messages().print(f"[yellow]warning:[/yellow] {escape(str(message))}")
+
+        warnings.showwarning = show  # type: ignore[assignment]
+        yield
+
+
+def escape(text: str) -> str:
+    """`text` with nothing in it that rich would take for markup."""
+    from rich.markup import escape as rich_escape
+
+    return rich_escape(text)
+
+
+class DelayedProgress:
+    """A progress bar on standard error that shows only when the work takes longer than two seconds.
+
+    Where standard error is no terminal, the present step is said in one plain line instead.
+    """
+
+    def __init__(self, total: int, step: str) -> None:
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            console=messages(),
+            transient=True,
+        )
+        self._task = self._bar.add_task(step, total=total)
+        self._step = step
+        self._lock = threading.Lock()
+        self._ended = False
+        self._timer = threading.Timer(PROGRESS_AFTER_S, self._show)
+        self._timer.daemon = True
+
+    def __enter__(self) -> DelayedProgress:
+        if not session.quiet:
+            self._timer.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._timer.cancel()
+        with self._lock:
+            self._ended = True
+            if self._bar.live.is_started:
+                self._bar.stop()
+
+    def step(self, text: str) -> None:
+        """What is being done now."""
+        self._step = text
+        self._bar.update(self._task, description=text)
+
+    def advance(self) -> None:
+        """One more of `total` is done."""
+        self._bar.advance(self._task)
+
+    def _show(self) -> None:
+        with self._lock:
+            if self._ended:
+                return
+            if self._bar.console.is_terminal:
+                self._bar.start()
+            else:
+                self._bar.console.print(f"{self._step} ...", markup=False)

@@ -1,0 +1,122 @@
+"""`phrt`: the command line, and what happens to errors in it (policy: phrt/errors.py)."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from phrt.cli.console import escape, messages, session, tidy_warnings
+from phrt.cli.doctor import doctor
+from phrt.cli.plugins import plugins_app
+from phrt.cli.render import render
+from phrt.cli.schema import schema
+from phrt.errors import InputError
+
+OUR_FAULT, INPUT_WRONG, INTERRUPTED = 1, 2, 130
+
+
+class CommandsAndPlugins(TyperGroup):
+    """The built-in commands, and those of plugins: looked for only when no built-in one is meant."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        from phrt.registry import get_registry
+
+        return [*super().list_commands(ctx), *get_registry().names("command")]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        built_in = super().get_command(ctx, cmd_name)
+        if built_in is not None:
+            return built_in
+        from phrt.registry import get_registry
+
+        registry = get_registry()
+        if cmd_name not in registry.names("command"):
+            return None
+        return typer.main.get_command(registry.create("command", cmd_name))
+
+
+app = typer.Typer(
+    name="phrt",
+    cls=CommandsAndPlugins,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command("render")(render)
+app.add_typer(plugins_app, name="plugins")
+app.command("doctor")(doctor)
+app.command("schema")(schema)
+
+
+def _version(value: bool) -> None:
+    if value:
+        import phrt
+
+        typer.echo(f"phrt {phrt.__version__}")
+        raise typer.Exit()
+
+
+@app.callback()
+def phrt(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Hybrid rendering: rasterize everything, ray trace only what pays."""
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run `phrt` and leave with its exit code: 0 done, 2 the input is wrong, 1 our fault, 130 interrupted."""
+    sys.exit(run(sys.argv[1:] if arguments is None else arguments))
+
+
+def run(arguments: list[str]) -> int:
+    """Run `phrt` with `arguments` and return its exit code; errors become messages on standard error."""
+    session.debug, session.quiet = False, False
+    session.warned.clear()
+    with tidy_warnings():
+        try:
+            app(arguments)
+        except SystemExit as leaving:
+            return exit_code(leaving)
+        except InputError as error:
+            return complain(str(error), INPUT_WRONG)
+        except KeyboardInterrupt:
+            return complain("interrupted", INTERRUPTED)
+        except BrokenPipeError:
+            return silence_output()
+        except MemoryError as error:
+            return complain(f"not enough memory: {error}", OUR_FAULT)
+        except Exception as error:
+            advice = "" if session.debug else " (--debug shows where)"
+            return complain(f"internal error: {type(error).__name__}: {error}{advice}", OUR_FAULT)
+    return 0
+
+
+def exit_code(leaving: SystemExit) -> int:
+    """The code of a SystemExit as Python's own exit would give it."""
+    if leaving.code is None or isinstance(leaving.code, int):
+        return leaving.code or 0
+    return complain(str(leaving.code), OUR_FAULT)
+
+
+def complain(text: str, code: int) -> int:
+    """Print an error on standard error, with the traceback when `--debug` asks for it; return `code`."""
+    if session.debug:
+        import traceback
+
+        traceback.print_exc()
+    messages().print(f"[red]error:[/red] {escape(text)}" if code != INTERRUPTED else text)
+    return code
+
+
+def silence_output() -> int:
+    """Whoever read standard output has left: let nothing be written to it any more, not even at exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 0

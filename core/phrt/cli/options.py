@@ -1,0 +1,51 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from phrt.cli.console import session
+
+
+def _set_debug(value: bool) -> None:
+    session.debug = session.debug or value
+
+
+def _set_quiet(value: bool) -> None:
+    session.quiet = value
+
+
+def _add_plugins(sources: list[str] | None) -> list[str]:
+    if sources:
+        from phrt.registry.local import register_source
+
+        for source in sources:
+            register_source(source)
+    return sources or []
+
+
+DebugOption = Annotated[
+    bool, typer.Option("--debug", help="Show the traceback of an error.", callback=_set_debug, is_eager=True)
+]
+QuietOption = Annotated[
+    bool, typer.Option("--quiet", "-q", help="No messages but warnings and errors.", callback=_set_quiet, is_eager=True)
+]
+PluginOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--plugin",
+        metavar="MODULE_OR_FILE",
+        help="Also use this plugin: a module or a .py file. Runs its code.",
+        callback=_add_plugins,
+    ),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
+SceneArgument = Annotated[
+    Path,
+    typer.Argument(
+        metavar="SCENE", help="Scene descriptor (.yaml, .json) or model file (.glb, .gltf, .obj, .ply, .stl)."
+    ),
+]

@@ -1,0 +1,174 @@
+"""`phrt render`: a scene into pictures, a video or EXR layers."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from phrt.cli.console import DelayedProgress, say, session
+from phrt.cli.options import DebugOption, JsonOption, PluginOption, QuietOption, SceneArgument
+from phrt.cli.parsing import (
+    FrameRange,
+    check_number,
+    parse_budget,
+    parse_camera,
+    parse_effects,
+    parse_frames,
+    parse_overrides,
+    parse_size,
+)
+from phrt.errors import OptionError
+
+if TYPE_CHECKING:
+    from phrt.frame import FrameResult
+    from phrt.scene import Scene
+
+DEFAULT_SIZE = (1280, 720)
+DEFAULT_TONE_MAP = "neutral"
+
+
+@dataclass(frozen=True)
+class Moment:
+    """One frame to render: its number, and its time in seconds."""
+
+    index: int
+    time: float
+
+
+def render(
+    scene: SceneArgument,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="OUT", help=".png, .exr, .mp4, or a pattern as frame_%04d.png.")
+    ],
+    size: Annotated[str | None, typer.Option(metavar="WxH", help="Pixels; the scene's size, or 1280x720.")] = None,
+    heuristic: Annotated[
+        str | None, typer.Option(help="Who decides what is traced; the scene's, or all_trace.")
+    ] = None,
+    budget: Annotated[str, typer.Option(help="Ray tracing a frame may take: none, for now.")] = "none",
+    frames: Annotated[
+        str | None, typer.Option(metavar="A:B", help="Frames A to B - 1, or one frame; all of them for a video.")
+    ] = None,
+    time: Annotated[float | None, typer.Option(help="The moment of a single picture, seconds.")] = None,
+    camera: Annotated[str, typer.Option(help="Number, name or path of the camera.")] = "0",
+    situation: Annotated[str | None, typer.Option(help="Which variant of the scene, as night.")] = None,
+    gbuffer: Annotated[
+        str, typer.Option(help="G-buffer producer; auto takes moderngl on a GPU, else raycast.")
+    ] = "auto",
+    tracer: Annotated[str, typer.Option(help="Tracer; auto takes the fastest that is available.")] = "auto",
+    threads: Annotated[int | None, typer.Option(help="Threads; all cores when not given.")] = None,
+    aa: Annotated[int, typer.Option("--aa", help="Samples per pixel; 1 to 1024.")] = 1,
+    tone_map: Annotated[str | None, typer.Option(help="srgb, aces or neutral; the scene's, or neutral.")] = None,
+    exposure: Annotated[float | None, typer.Option(help="Factor on the light of the picture.")] = None,
+    layers: Annotated[Path | None, typer.Option(metavar="DIR", help="Also write every layer into this folder.")] = None,
+    effect: Annotated[
+        list[str] | None, typer.Option(metavar="NAME.OPTION=VALUE", help="Option of an effect, as shadows.samples=4.")
+    ] = None,
+    define: Annotated[
+        list[str] | None, typer.Option("-D", metavar="KEY.PATH=VALUE", help="Override a value of the scene.")
+    ] = None,
+    plugin: PluginOption = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Render SCENE into a picture, a sequence, a video or EXR layers."""
+    # What can be wrong without reading the scene is said before reading it.
+    parse_budget(budget)
+    overrides = parse_overrides(define or []) | ({} if situation is None else {"variant": situation})
+    options = parse_effects(effect or [])
+    given_size = None if size is None else parse_size(size)
+    given_frames = None if frames is None else parse_frames(frames)
+    check_arguments(threads, aa, time, exposure, given_frames)
+
+    from phrt.cli.writers import is_video, open_writer
+    from phrt.loading import load_scene
+
+    with DelayedProgress(1, f"loading {scene.name}") as progress:
+        loaded = load_scene(scene, overrides=overrides)
+        settings = loaded.settings
+        if exposure is not None:
+            settings.exposure = exposure
+        width_height = given_size or settings.size or DEFAULT_SIZE
+        moments = choose_moments(loaded, given_frames, time, is_video(output))
+        curve = tone_map or settings.tone_map or DEFAULT_TONE_MAP
+        writer = open_writer(output, len(moments), width_height, settings.fps, curve, layers)
+
+    from phrt.renderer import Renderer
+
+    with (
+        DelayedProgress(len(moments), "preparing (kernels compile the first time)") as progress,
+        Renderer(
+            loaded,
+            size=width_height,
+            heuristic=heuristic or settings.heuristic or "all_trace",
+            budget=None,
+            gbuffer=gbuffer,
+            tracer=tracer,
+            threads=threads,
+            effects=options or None,
+            aa=aa,
+        ) as renderer,
+        writer,
+    ):
+        rows = []
+        for moment in moments:
+            frame = renderer.render(moment.time, frame_index=moment.index, camera=parse_camera(camera))
+            progress.step(f"frame {moment.index}")
+            writer.add(moment.index, frame)
+            progress.advance()
+            rows.append(frame_row(moment, frame))
+    report(rows, [str(path) for path in writer.files], output, width_height, as_json)
+
+
+def check_arguments(
+    threads: int | None, aa: int, time: float | None, exposure: float | None, frames: FrameRange | None
+) -> None:
+    """OptionError where a number is out of its range, or two options exclude each other."""
+    check_number("--aa", aa, 1, 1024)
+    if threads is not None:
+        check_number("--threads", threads, 1, 1024)
+    if exposure is not None:
+        check_number("--exposure", exposure, 0, 1e9)
+    if time is not None:
+        check_number("--time", time, -1e6, 1e6)
+        if frames is not None:
+            raise OptionError("--time and --frames exclude each other: a frame's time is its number / the scene's fps")
+
+
+def choose_moments(scene: Scene, frames: FrameRange | None, time: float | None, video: bool) -> list[Moment]:
+    """The frames to render: those asked for, else all of a video, else the first."""
+    fps = scene.settings.fps
+    if time is not None:
+        return [Moment(max(0, round(time * fps)), time)]
+    chosen = frames or FrameRange(0, scene.settings.frames if video else 1)
+    return [Moment(index, index / fps) for index in range(chosen.first, chosen.stop)]
+
+
+def frame_row(moment: Moment, frame: FrameResult) -> dict[str, Any]:
+    """What is reported of a frame, as plain data."""
+    return {
+        "index": moment.index,
+        "time": moment.time,
+        "milliseconds": round(float(frame.milliseconds), 3),
+        "stages": {name: round(float(spent), 3) for name, spent in frame.stages.items()},
+        "rays": {name: int(count) for name, count in frame.rays.items()},
+    }
+
+
+def report(rows: list[dict[str, Any]], files: list[str], output: Path, size: tuple[int, int], as_json: bool) -> None:
+    """Say what was written: one JSON object on standard output, or a line or two on standard error."""
+    if as_json:
+        print(json.dumps({"files": files, "size": list(size), "frames": rows, "warnings": session.warned}))
+        return
+    spent = sum(row["milliseconds"] for row in rows)
+    rays = sum(sum(row["rays"].values()) for row in rows)
+    count = f"{len(rows)} frames, " if len(rows) > 1 else ""
+    say(f"{output}: {size[0]}x{size[1]}, {count}{spent:.0f} ms, {rays:,} rays")
+    if len(rows) == 1:
+        say("  " + ", ".join(f"{name} {milliseconds:.1f} ms" for name, milliseconds in rows[0]["stages"].items()))
+    if len(files) > 1:
+        say(f"  {len(files)} files")

@@ -1,0 +1,114 @@
+"""Where rendered frames go: one picture, a numbered sequence, a video, and the folder of layers."""
+
+from __future__ import annotations
+
+import re
+from abc import ABC, abstractmethod
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from phrt.errors import OptionError
+from phrt.output.files import check_output
+from phrt.output.images import PICTURE_SUFFIXES, write_exr, write_png
+from phrt.output.layers import write_layers
+from phrt.output.tonemap import curve_code, to_8bit
+from phrt.output.video import VIDEO_SUFFIXES, VideoWriter
+
+if TYPE_CHECKING:
+    from phrt.frame import FrameResult
+
+
+class FrameWriter(ABC):
+    """Takes frames in order; what it wrote is complete when the `with` block ends."""
+
+    files: list[Path]
+
+    @abstractmethod
+    def add(self, index: int, frame: FrameResult) -> None:
+        """Write frame number `index`."""
+
+    def __enter__(self) -> FrameWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        return None
+
+
+class PictureWriter(FrameWriter):
+    """One file a frame: tone mapped .png, or .exr with the linear picture and every layer of light."""
+
+    def __init__(self, output: Path, tone_map: str, layers: Path | None, many: bool) -> None:
+        self.files = []
+        self._output, self._tone_map, self._layers, self._many = output, tone_map, layers, many
+
+    def add(self, index: int, frame: FrameResult) -> None:
+        path = numbered(self._output, index)
+        if path.suffix.lower() == ".exr":
+            self.files.append(write_exr(path, {"": frame.image, **frame.layers}))
+        else:
+            self.files.append(write_png(path, to_8bit(frame.image, self._tone_map)))
+        add_layers(self, self._layers, index if self._many else None, frame, self._tone_map)
+
+
+class MovieWriter(FrameWriter):
+    """All frames into one video."""
+
+    def __init__(self, output: Path, tone_map: str, layers: Path | None, size: tuple[int, int], fps: float) -> None:
+        self.files = []
+        self._output, self._tone_map, self._layers = output, tone_map, layers
+        self._video = VideoWriter(output, size, fps)
+
+    def add(self, index: int, frame: FrameResult) -> None:
+        self._video.add(to_8bit(frame.image, self._tone_map))
+        add_layers(self, self._layers, index, frame, self._tone_map)
+
+    def __enter__(self) -> FrameWriter:
+        self._video.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._video.__exit__(kind, error, trace)
+        if error is None:
+            self.files.insert(0, self._output)
+
+
+def open_writer(
+    output: Path, frame_count: int, size: tuple[int, int], fps: float, tone_map: str, layers: Path | None
+) -> FrameWriter:
+    """The writer for `output`. Cheap; raises OptionError for a path that cannot be written or fits no sequence."""
+    curve_code(tone_map)
+    check_output(numbered(output, 0), (*PICTURE_SUFFIXES, *VIDEO_SUFFIXES))
+    if output.suffix.lower() in VIDEO_SUFFIXES:
+        return MovieWriter(output, tone_map, layers, size, fps)
+    if frame_count > 1 and not is_pattern(output):
+        pattern = output.with_name(f"{output.stem}_%04d{output.suffix}")
+        raise OptionError(
+            f"{frame_count} frames do not fit into '{output}': give a pattern, as in {pattern}, or a video (.mp4)"
+        )
+    return PictureWriter(output, tone_map, layers, frame_count > 1)
+
+
+def is_video(output: Path) -> bool:
+    return output.suffix.lower() in VIDEO_SUFFIXES
+
+
+def is_pattern(output: Path) -> bool:
+    """Does the file name hold a place for the frame's number, as in frame_%04d.png?"""
+    return re.search(r"%0?\d*d", output.name) is not None
+
+
+def numbered(output: Path, index: int) -> Path:
+    """`output` with its place for a number filled in."""
+    return output.with_name(re.sub(r"%(0?\d*)d", lambda match: format(index, f"{match[1]}d"), output.name))
+
+
+def add_layers(writer: FrameWriter, folder: Path | None, index: int | None, frame: FrameResult, tone_map: str) -> None:
+    """Write the layers of `frame` into `folder`, a folder a frame where there are several."""
+    if folder is not None:
+        target = folder if index is None else folder / f"{index:04d}"
+        writer.files.extend(write_layers(target, frame, tone_map=tone_map))
