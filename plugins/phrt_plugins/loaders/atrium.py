@@ -206,7 +206,7 @@ def add_drapes(builder: Builder, plan: Plan) -> None:
             mesh = builder.mesh(f"banner_{dye}", partial(furniture.banner, builder.detail, dye, builder.random))
             builder.add(
                 "drapes",
-                plan.bay_frame(side, bay, rail_top) @ translation(0, 0, 0.12),
+                plan.bay_frame(side, bay, rail_top),
                 mesh,
                 f"banner_{SIDES[side]}_{bay}",
             )

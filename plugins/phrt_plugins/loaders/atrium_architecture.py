@@ -105,12 +105,12 @@ def upper_column(height: float, detail: Detail) -> list[Part]:
 
 def arcade_arch(height: float, detail: Detail) -> list[Part]:
     """One bay of arcade from the springing upwards: a pierced wall and a stepped archivolt. Origin at the springing."""
-    outline, triangles = shapes.arched_outline(BAY, height, OPENING, 0.0, detail.of(16))
+    outline, triangles = shapes.arched_outline(BAY, height, OPENING, 0.0, detail.of(14))
     inner, middle, outer = OPENING - 0.04, OPENING + 0.14, OPENING + 0.24
     half, step = WALL / 2 + 0.07, WALL / 2 + 0.035
     profile = [(inner, -half), (inner, half), (middle, half), (middle, step), (outer, step)]
     profile += [(outer, -step), (middle, -step), (middle, -half), (inner, -half)]
-    archivolt = shapes.arc_sweep(np.array(profile), detail.of(16), "voussoirs")
+    archivolt = shapes.arc_sweep(np.array(profile), detail.of(14), "voussoirs")
     keystone = shapes.prism(
         [
             (-half - 0.05, OPENING - 0.1),
@@ -167,7 +167,7 @@ def wall(height: float, kind: str, detail: Detail) -> list[Part]:
         parts += opening_frame(radius, spring, sill, detail)
         parts += {"door": door_leaf, "niche": niche_shell, "window": window_bars}[kind](radius, spring, sill, detail)
     parts = shapes.placed(parts, translation(0, 0, back))
-    for width, deep, low, high in ((0.42, 0.16, 0.2, 3.2), (0.5, 0.22, 0.0, 0.2), (0.52, 0.22, 3.2, 3.4)):
+    for width, deep, low, high in ((0.42, 0.18, 0.2, 3.22), (0.5, 0.22, 0.0, 0.2), (0.54, 0.31, 3.22, 3.4)):
         high = min(high, height)
         if low < high:
             parts.append(box("limestone", (width, high - low, deep * 2), (-BAY / 2, (low + high) / 2, -BAY)))
@@ -225,7 +225,10 @@ def niche_shell(radius: float, spring: float, sill: float, detail: Detail) -> li
         axis=-1,
     )
     shelf = box("limestone", (2 * radius, 0.02, WALL), (0, sill + 0.01, -0.02))
-    return [shapes.grid(points, "plaster", crease_degrees=60.0), shelf]
+    behind = box(
+        "stone_blocks", (2 * radius, spring + radius - sill, 0.04), (0, (spring + radius + sill) / 2, -WALL / 2 - 0.02)
+    )
+    return [shapes.grid(points, "plaster", crease_degrees=60.0), shelf, behind]
 
 
 def window_bars(radius: float, spring: float, sill: float, detail: Detail) -> list[Part]:
@@ -267,7 +270,7 @@ def cornice(length: float) -> list[Part]:
     ]
     dentils = [
         box("limestone", (0.12, 0.1, 0.12), (float(x), -0.02, WALL / 2 + 0.1))
-        for x in np.linspace(-length / 2 + 0.5, length / 2 - 0.5, round(length / 0.4))
+        for x in np.linspace(-length / 2 + 0.5, length / 2 - 0.5, round(length / 0.5))
     ]
     return [shapes.prism(profile, length, "limestone"), *dentils]
 
@@ -303,7 +306,7 @@ def roof_tiles(length: float, detail: Detail) -> list[Part]:
         points = np.stack(
             [np.repeat(across[:, :1], 2, 1), across[:, 1:] + y, np.broadcast_to(z, (segments + 1, 2))], axis=-1
         )
-        parts.append(shapes.grid(points, "terracotta"))
+        parts.append(shapes.grid(points, "roof_tile"))
     return parts
 
 

@@ -118,20 +118,22 @@ def curtain_rod() -> list[Part]:
 
 
 def banner(detail: Detail, dye: str, random: np.random.Generator) -> list[Part]:
-    """A long cloth hung over the balustrade, its folds opening downwards: top edge at y = 0, 3.2 m long, 1.5 m wide."""
-    n, m = detail.of(20), detail.of(14)
-    u, v = np.linspace(-1.0, 1.0, n + 1)[:, None], np.linspace(0.0, 1.0, m + 1)[None, :]
-    length = 3.2
-    x = 0.75 * u * (1 - 0.08 * np.sin(np.pi * v))
+    """A cloth 1.5 m wide laid over a rail (top at y = 0, middle z = 0), falling in front of the cornice."""
+    n, m = detail.of(20), detail.of(10)
+    fall = np.array(
+        [(0.02, -0.19), (0.02, 0.0), (0.02, 0.19), (-0.06, 0.225), (-0.2, 0.25), (-0.95, 0.52), (-1.25, 0.57)]
+    )
+    hang = np.column_stack([np.linspace(-1.25, -3.2, m + 1)[1:], np.linspace(0.57, 0.5, m + 1)[1:]])
+    line = np.concatenate([fall, hang])
+    u = np.linspace(-1.0, 1.0, n + 1)[:, None]
+    loose = np.clip((-line[:, 0] - 0.2) / 2.5, 0.0, 1.0)
     phase = random.uniform(0, TAU)
-    wave = 0.05 * np.sin(3.5 * np.pi * u + phase) * (0.35 + v) + 0.07 * np.sin(2.4 * v + phase + u) * v
-    point = 0.35 * (1 - np.abs(u)) * v**4
-    y = -length * v - point
-    over = np.exp(-v * 22)
-    z = 0.36 * (1 - over) ** 2 * (v < 2) - 0.06 + wave * (1 - over)
-    shape = np.broadcast_shapes(x.shape, z.shape)
-    points = np.stack([np.broadcast_to(x, shape), np.broadcast_to(y, shape), np.broadcast_to(z, shape)], axis=-1)
-    uv = np.stack([np.broadcast_to(0.75 * u, shape), np.broadcast_to(length * v, shape)], axis=-1)
+    wave = 0.05 * np.sin(3.5 * np.pi * u + phase) + 0.04 * np.sin(2.4 * loose + phase + u)
+    x = 0.75 * u * (1 - 0.06 * np.sin(np.pi * loose))
+    y = line[:, 0] - 0.35 * (1 - np.abs(u)) * loose**4
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    points = np.stack(np.broadcast_arrays(x, y, line[:, 1] + wave * loose), axis=-1)
+    uv = np.stack(np.broadcast_arrays(0.75 * u, length), axis=-1)
     return [shapes.grid(points[:, ::-1], dye, uv=uv[:, ::-1], crease_degrees=75.0)]
 
 

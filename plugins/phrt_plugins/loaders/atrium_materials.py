@@ -43,6 +43,7 @@ def make_materials(images: Sequence[Image]) -> list[Material]:
         Material("gallery_tiles", roughness=0.75, base_color_texture=texture("gallery_tiles", 1.2)),
         Material("plaster", roughness=0.95, base_color_texture=texture("plaster", 2.0)),
         Material("terracotta", roughness=0.85, base_color_texture=texture("terracotta", 0.8)),
+        Material("roof_tile", roughness=0.9, double_sided=True, base_color_texture=texture("terracotta", 1.6)),
         Material("wood", roughness=0.7, base_color_texture=texture("wood", 0.9)),
         Material("bronze", base_color=(0.72, 0.47, 0.22, 1.0), metallic=1.0, roughness=0.22),
         Material("iron", base_color=(0.09, 0.085, 0.08, 1.0), metallic=1.0, roughness=0.55),

@@ -14,7 +14,7 @@ def place_statues(plan: Plan, count: int) -> list[Array]:
     """(4, 4) of `count` plinths: round the fountain first, then against the gallery walls, facing the courtyard."""
     x, z = plan.half_x / 9.0, plan.half_z / 6.0
     spots = [
-        translation(3.9 * x, 0, -2.4 * z) @ turn_y(0.9),
+        translation(3.9 * x, 0, -2.4 * z) @ turn_y(0.1),
         translation(-2.0 * x, 0, -3.4 * z) @ turn_y(0.5),
         translation(-4.6 * x, 0, 2.6 * z) @ turn_y(1.2),
         translation(-6.6 * x, 0, -3.4 * z) @ turn_y(0.4),

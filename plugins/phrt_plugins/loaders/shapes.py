@@ -204,8 +204,11 @@ def untwisted(side: Array, up: Array, tangent: Array) -> tuple[Array, Array]:
 
 
 def arc_sweep(profile: Array, segments: int, material: str, start: float = np.pi, end: float = 0.0) -> Part:
-    """`profile` (k, 2) of (radius, z), a closed loop, counter-clockwise with z right and radius up, swept in XY from angle
-    `start` down to `end`. The ends stay open: they stand on something."""
+    """`profile` (k, 2) of (radius, z), swept in the XY plane from angle `start` down to `end`.
+
+    The profile is a closed loop, counter-clockwise with z to the right and radius up. The ends stay open: they stand on
+    something.
+    """
     angle = np.linspace(start, end, segments + 1)
     radius, z = profile[:, 0], profile[:, 1]
     shape = (segments + 1, len(profile))
