@@ -18,8 +18,9 @@ class EmbreeOptions(Options):
         "auto takes packets where the library allows.",
     )
     build_quality: Literal["low", "medium", "high"] = Field(
-        default="medium",
-        description="Work spent on the BVH: high builds slower and traces a little faster (packets only).",
+        default="high",
+        description="Work spent on the BVH (packets only): high takes twice as long to build as medium, and rays that "
+        "are not coherent are up to a fifth faster.",
     )
     robust: bool = Field(
         default=False,

@@ -24,7 +24,7 @@ TRACERS = ["embree-packets", "embree-packets-robust", "embree-embreex", "open3d"
 
 @dataclass
 class TracerWorld:
-    """The arrays of a `World` that tracers read, from (local positions, triangles) of every object; row 0 is background."""
+    """The arrays of a `World` that tracers read, made from (local positions, triangles) of every object."""
 
     meshes: list[tuple[np.ndarray, np.ndarray]]
     matrices: list[np.ndarray] = field(default_factory=list)
