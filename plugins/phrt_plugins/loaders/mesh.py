@@ -1,11 +1,12 @@
 """Loader of OBJ (with MTL), PLY and STL files.
 
-One object per OBJ `o` (or `g` where there is no `o`), per STL `solid`, else one for the file; polygons become triangles,
-`v` of texture coordinates is turned to run down, vertex colours become linear. What is not read: docs/loaders/mesh.md.
+One object per OBJ `o` (or `g` where there is no `o`), per STL `solid`, else one for the file; polygons
+become triangles, `v` of texture coordinates is turned to run down, vertex colours become linear. What is not read:
+docs/loaders/mesh.md.
 
 Options: `phrt_plugins.loaders.options.MeshOptions`. Example, in a scene descriptor:
 
-    /statue: {type: Reference, asset: armadillo_100k.obj, options: {crease_angle: 60}}
+    /statue: {type: Reference, asset: armadillo_100k.obj, crease_angle: 60}
 
 Nothing but the file itself and what `LoadContext.resolve` allows is opened; all parsers work on bytes in memory.
 """

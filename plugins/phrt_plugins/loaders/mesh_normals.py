@@ -71,7 +71,7 @@ def smooth_normals(soup: Soup, options: MeshOptions) -> tuple[np.ndarray, np.nda
     if options.crease_angle >= 180.0:
         creased[:] = False
     flat_corner = np.repeat(soup.smoothing == 0, 3)
-    creased_corner = np.flatnonzero(np.logical_and(creased[corner_spot], ~flat_corner))
+    creased_corner = np.flatnonzero(creased.take(corner_spot) & ~flat_corner)
     index = corner_spot.astype(np.int64)
     if len(creased_corner):
         made, which = _creased(corner_spot, corner_face, creased_corner, face, weighted, whole)
@@ -81,7 +81,7 @@ def smooth_normals(soup: Soup, options: MeshOptions) -> tuple[np.ndarray, np.nda
         index[flat_corner] = len(mean) + corner_face[flat_corner]
         mean = np.vstack([mean, face])
     # A vertex whose faces cancel out (a two-sided sheet) keeps each face's own normal.
-    lost = ~mean.any(axis=1)[index]
+    lost = (mean == 0.0).all(axis=1)[index]
     if lost.any():
         index[lost] = len(mean) + corner_face[lost]
         mean = np.vstack([mean, face])

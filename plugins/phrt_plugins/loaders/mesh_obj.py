@@ -114,10 +114,15 @@ class _Reader:
         number = 0
         for number, line in enumerate(io.BytesIO(data), 1):
             start = line[:2]
-            if start == b"v ":
-                self._add_value(vertices, line, number)
-            elif start == b"f ":
-                self._add_face(line, number)
+            # The two frequent kinds, without a call: this loop is a third of the time of a large file.
+            if start == b"v " and len(vertices.lines) < BATCH - 1:
+                vertices.lines.append(line)
+                vertices.numbers.append(number)
+                vertices.count += 1
+            elif start == b"f " and len(faces.lines) < BATCH - 1 and b"-" not in line:
+                faces.lines.append(line)
+                faces.numbers.append(number)
+                faces.count += 1
             else:
                 self._other(line, number)
         for batch in self.values.values():
@@ -353,7 +358,7 @@ class _Reader:
 def _corner_table(words: list[bytes]) -> np.ndarray:
     """(n, 3) int64 of v, vt, vn as written; 0 where left out. Raises ValueError for what is no number."""
     table = np.zeros((len(words), 3), dtype=np.int64)
-    if not any(b"/" in word for word in words):
+    if b"/" not in b"".join(words):
         table[:, 0] = list(map(int, words))
         return table
     parts = [word.split(b"/") for word in words]
