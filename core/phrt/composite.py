@@ -91,15 +91,20 @@ def compose(
     workers.map(part, chunks(len(rows), CHUNK, workers.threads))
 
 
-def shade_unshadowed(frame: Frame, gbuffer: GBuffer, view: CameraView, rows: np.ndarray) -> np.ndarray:
-    """(P, 3) float32 of another G-buffer of the same world at `rows`, as a raster renderer without shadows sees it."""
+def shade_flat(
+    frame: Frame, gbuffer: GBuffer, view: CameraView, rows: np.ndarray, visibility: np.ndarray | None = None
+) -> np.ndarray:
+    """(P, 3) float32 of another G-buffer of the same world at `rows`, as a raster renderer without ray effects sees it.
+
+    visibility (P, L): of the lights; everything is lit without it.
+    """
     surfaces = surface_arrays(gbuffer)
     count = gbuffer.width * gbuffer.height
     lights = frame.world.lights
     direct = np.empty((count, len(lights), 3), np.float32)
     light_surfaces(surfaces, frame.materials.materials, lights, view, rows, direct, frame.workers)
     layers = {
-        "visibility": np.ones((count, len(lights)), np.float32),
+        "visibility": np.ones((count, len(lights)), np.float32) if visibility is None else visibility,
         "ambient_occlusion": np.ones((count, 1), np.float32),
         "reflection": np.zeros((count, 3), np.float32),
         "refraction": np.zeros((count, 3), np.float32),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phrt.composite import shade_unshadowed
+from phrt.composite import shade_flat
 from phrt.frame import Frame
 from phrt.kernels.along import environment_along
 
@@ -12,7 +12,7 @@ from phrt.kernels.along import environment_along
 def behind(frame: Frame, pixels: np.ndarray) -> np.ndarray:
     """(n, 3) float32 light from the nearest opaque surface behind `pixels` (n,), lit by every light without shadows."""
     gbuffer = frame.producer.render(frame.view, opaque_only=True, pixels=pixels)
-    return shade_unshadowed(frame, gbuffer, frame.view, pixels)[pixels]
+    return shade_flat(frame, gbuffer, frame.view, pixels)[pixels]
 
 
 def environment_through(frame: Frame, pixels: np.ndarray) -> np.ndarray:
