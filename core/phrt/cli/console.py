@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import TextIO
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -53,14 +54,21 @@ def tidy_warnings() -> Iterator[None]:
         warnings.simplefilter("always", PhrtWarning)
         others = warnings.showwarning
 
-        def show(message: Warning | str, category: type[Warning], *place: object, **more: object) -> None:
+        def show(
+            message: Warning | str,
+            category: type[Warning],
+            filename: str,
+            lineno: int,
+            file: TextIO | None = None,
+            line: str | None = None,
+        ) -> None:
             if not issubclass(category, PhrtWarning):
-                others(message, category, *place, **more)
+                others(message, category, filename, lineno, file, line)
             elif str(message) not in session.warned:
                 session.warned.append(str(message))
                 messages().print(f"[yellow]warning:[/yellow] {escape(str(message))}")
 
-        warnings.showwarning = show  # type: ignore[assignment]
+        warnings.showwarning = show
         yield
 
 
