@@ -1,0 +1,99 @@
+"""`load_scene`: a scene description, or a model file that is framed and lit, as a `Scene`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from phrt.description.assets import AssetRoots
+from phrt.description.build import Builder
+from phrt.description.framing import add_camera, add_lights
+from phrt.description.inherited import prim_name
+from phrt.description.layers import DESCRIPTOR_SUFFIXES, Composer, Stage, overridden, stage_of
+from phrt.description.models import loader_name
+from phrt.description.overrides import marked, parse_override
+from phrt.description.problems import Mark, Problems
+from phrt.description.values import Value, value_of
+from phrt.errors import AssetError, OptionError
+from phrt.scene import Scene
+
+Overrides = Mapping[str, Any] | Iterable[str]
+
+
+def load_scene(
+    path: str | PathLike[str],
+    *,
+    search: Sequence[str | PathLike[str]] | None = None,
+    overrides: Overrides | None = None,
+    variant: str | None = None,
+) -> Scene:
+    """The scene described in `path` (.yaml, .yml, .json), or a model file, framed and lit where it brings no camera or light.
+
+    search    : folders to find assets in, after the scene's own and before those of PHRT_ASSETS.
+    overrides : {"/World/Lamp.intensity": 3, "variant": "night"}, or texts "/World/Lamp.intensity=3".
+    variant   : the variant to select; default the one the file names, else `default`.
+
+    Raises SceneError with every problem of a description: file, line, prim, what was given and what is allowed;
+    AssetError for a missing or broken model file; OptionError for a malformed override.
+    """
+    file = Path(path).expanduser()
+    if not file.is_file():
+        raise AssetError(f"{file}: {'is not a file' if file.exists() else 'there is no such file'}")
+    changes = _as_mapping(overrides)
+    variant = _variant(changes, variant)
+    roots = AssetRoots(file.parent, [Path(folder) for folder in search or ()])
+    problems = Problems()
+    if file.suffix.lower() in DESCRIPTOR_SUFFIXES:
+        scene = _described(file, roots, changes, variant, problems)
+    else:
+        scene = _bare_model(file, roots, changes, variant, problems)
+    add_camera(scene)
+    return scene
+
+
+def _described(
+    file: Path, roots: AssetRoots, overrides: Mapping[str, Any], variant: str | None, problems: Problems
+) -> Scene:
+    composer = Composer(roots, problems)
+    resolved = file.resolve()
+    name, opinions = composer.file(resolved, variant, str(file))
+    overridden(opinions, marked(overrides), problems)
+    stage = stage_of(name, opinions, composer.variants, problems)
+    return Builder(stage, roots, file, problems).build()
+
+
+def _bare_model(
+    file: Path, roots: AssetRoots, overrides: Mapping[str, Any], variant: str | None, problems: Problems
+) -> Scene:
+    """A scene of one Reference to `file`."""
+    if variant not in (None, "default"):
+        raise OptionError(f"{file}: a model file has no variant '{variant}'; variants belong to scene descriptions")
+    loader_name(file)
+    mark = Mark(str(file))
+    name = prim_name(file.stem, "model")
+    prim: Value = value_of({"type": "Reference", "asset": str(file.resolve())}, mark)
+    opinions = Composer(roots, problems).opinions({f"/{name}": prim})
+    overridden(opinions, marked(overrides), problems)
+    stage: Stage = stage_of(file.stem, opinions, ["default"], problems)
+    scene = Builder(stage, roots, file, problems, propagate=True).build()
+    add_camera(scene)
+    add_lights(scene)
+    return scene
+
+
+def _as_mapping(overrides: Overrides | None) -> dict[str, Any]:
+    if overrides is None:
+        return {}
+    if isinstance(overrides, Mapping):
+        return dict(overrides)
+    return dict(parse_override(text) for text in overrides)
+
+
+def _variant(overrides: dict[str, Any], variant: str | None) -> str | None:
+    """The variant asked for, taken out of `overrides`."""
+    asked = overrides.pop("variant", variant)
+    if asked is not None and not isinstance(asked, str):
+        raise OptionError(f"variant: given {asked!r}; wanted a name")
+    return asked
