@@ -153,6 +153,8 @@ class Accessors:
         )
         if accessor.view is not None:
             self._check_range(accessor, self.views[accessor.view])
+        if accessor.sparse is not None:
+            accessor.sparse.integer("count", high=accessor.count)
         return accessor
 
     @staticmethod

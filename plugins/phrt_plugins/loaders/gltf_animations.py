@@ -8,7 +8,7 @@ import numpy as np
 
 from phrt.model import Track
 from phrt_plugins.loaders.gltf_accessors import Accessors
-from phrt_plugins.loaders.gltf_json import Document, Element, fail
+from phrt_plugins.loaders.gltf_json import MAX_MAGNITUDE, Document, Element, fail
 from phrt_plugins.loaders.gltf_nodes import pick
 
 Target = Literal["translation", "rotation", "scale"]
@@ -88,11 +88,11 @@ class AnimationReader:
     def _unit_quaternions(values: np.ndarray, per_key: int) -> bool:
         """Make the rotations unit, in place (tangents stay as they are); False where one is zero."""
         keys = values if per_key == 1 else values[1::3]
-        length = np.linalg.norm(keys, axis=1, keepdims=True)
+        length = np.linalg.norm(keys.astype(np.float64), axis=1, keepdims=True)
         if (length < 1e-12).any():
             return False
         if per_key == 1:
-            keys /= length
+            keys[:] = keys / length
         return True
 
     def _read(self, sampler: Element, key: str, components: int) -> np.ndarray:
@@ -100,4 +100,7 @@ class AnimationReader:
         header = self.accessors.header(index)
         if header.components != components or header.columns != 1:
             fail(header.where, f"is {header.kind}, but the animation's {key} has {components} components")
-        return self.accessors.floats(index)
+        values = self.accessors.floats(index)
+        if not (np.abs(values) < MAX_MAGNITUDE).all():
+            fail(header.where, f"has values beyond {MAX_MAGNITUDE:g}")
+        return values

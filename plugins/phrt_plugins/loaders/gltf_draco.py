@@ -26,7 +26,8 @@ def decode_draco(document: Document, accessors: Accessors, primitive: Element, d
     try:
         import DracoPy
     except ImportError:
-        if EXTENSION not in document.root.strings("extensionsRequired"):
+        position = document.refer_required(primitive.required("attributes"), "POSITION", "accessors")
+        if accessors.header(position).view is not None:
             document.warn("is also compressed with Draco, which needs DracoPy; its uncompressed copy is used")
             return None
         raise AssetError("is compressed with Draco; to read it: pip install phrt[draco]") from None

@@ -71,7 +71,7 @@ class Images:
         return self.slots.setdefault(image, len(self.slots))
 
     def _source(self, texture: Element) -> int | None:
-        """A texture's image: WebP where Pillow reads it, else PNG or JPEG; None (placeholder) where there is neither."""
+        """A texture's image: WebP where Pillow reads it, else PNG or JPEG; None (placeholder) without either."""
         webp = texture.extension("EXT_texture_webp")
         if webp is not None and "source" in webp and features.check("webp"):
             return self.document.refer(webp, "source", "images")

@@ -19,6 +19,9 @@ MAX_JSON_TOKENS = 4_000_000
 MAX_ENTRIES = 100_000
 """Most objects one JSON array may hold."""
 
+MAX_WARNINGS = 50
+"""Most different things said about one file."""
+
 MAX_MAGNITUDE = 1e18
 """Numbers beyond this make infinities in float32 as soon as they are multiplied."""
 
@@ -29,7 +32,7 @@ def fail(where: str, reason: str) -> NoReturn:
 
 
 def parse_json(text: bytes, where: str) -> dict[str, Any]:
-    """The JSON object in `text`. AssetError when it is not UTF-8, malformed, too deep, too large, or has a key twice."""
+    """The JSON object in `text`. AssetError when it is not UTF-8, malformed, too deep or large, or has a key twice."""
     if sum(text.count(token) for token in (b",", b"{", b"[")) > MAX_JSON_TOKENS:
         fail(where, f"has more than {MAX_JSON_TOKENS:,} JSON values")
     try:
@@ -226,9 +229,10 @@ class Document:
 
     def warn(self, message: str) -> None:
         """Pass `message` on, unless it was said before."""
-        if message not in self._warned:
-            self._warned.add(message)
-            self._warn(message)
+        if message in self._warned or len(self._warned) > MAX_WARNINGS:
+            return
+        self._warned.add(message)
+        self._warn(message if len(self._warned) <= MAX_WARNINGS else "has more faults than are listed")
 
     def refer(self, element: Element, key: str, target: str) -> int | None:
         """The index under `key` into the array `target`, None where absent. AssetError when it points nowhere."""

@@ -8,10 +8,10 @@ import numpy as np
 
 from phrt.model import Material, Mesh, TextureRef
 from phrt_plugins.loaders.gltf_accessors import Accessors
-from phrt_plugins.loaders.gltf_json import Document, fail
+from phrt_plugins.loaders.gltf_json import MAX_MAGNITUDE, Document, fail
 from phrt_plugins.loaders.gltf_primitives import Part, PrimitiveReader
 from phrt_plugins.loaders.gltf_skins import skin_part
-from phrt_plugins.loaders.gltf_tangents import make_tangents, unit
+from phrt_plugins.loaders.gltf_tangents import make_tangents, orthonormal, unit
 
 
 class MeshLibrary:
@@ -55,7 +55,8 @@ class MeshLibrary:
         """A copy of `part` at its morph weights and joint matrices."""
         posed = Part(**vars(part))
         if part.targets:
-            self._morph(posed, weights)
+            with np.errstate(all="ignore"):
+                self._morph(posed, weights)
         self._check_directions(posed)
         if joints is not None:
             skin_part(self.document, posed, joints)
@@ -76,8 +77,9 @@ class MeshLibrary:
                     part.tangents = np.hstack([moved, part.tangents[:, 3:]])
                 elif name.startswith(("TEXCOORD_", "COLOR_")):
                     self.document.warn(f"morph targets of {name} are not applied")
-        if not np.isfinite(part.positions).all():
-            fail(part.where, "has morph targets that move vertices to infinity")
+        for values in (part.positions, part.normals, part.tangents):
+            if values is not None and not (np.abs(values) < MAX_MAGNITUDE).all():
+                fail(part.where, "has morph targets that move vertices to infinity")
 
     def _displacement(self, part: Part, index: int) -> np.ndarray:
         accessor = self.accessors.header(index)
@@ -104,7 +106,10 @@ class MeshLibrary:
             sign = part.tangents[:, 3:]
             if not np.isin(sign, (-1.0, 1.0)).all():
                 self.document.warn(f"{part.where} has tangents whose w is neither 1 nor -1; its sign is used")
-            part.tangents = np.hstack([unit(part.tangents[:, :3]), np.where(sign < 0, np.float32(-1), np.float32(1))])
+            direction = unit(part.tangents[:, :3])
+            lost = ~direction.any(axis=1)
+            direction[lost] = orthonormal(direction[lost], part.normals[lost])
+            part.tangents = np.hstack([direction, np.where(sign < 0, np.float32(-1), np.float32(1))])
 
 
 def smooth_normals(part: Part) -> np.ndarray:

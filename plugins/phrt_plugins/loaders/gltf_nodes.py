@@ -16,6 +16,7 @@ from phrt_plugins.loaders.gltf_skins import Skins
 
 INSTANCING = "EXT_mesh_gpu_instancing"
 IDENTITY = np.eye(4)
+MAX_WORLD = 1e18
 
 
 @dataclass
@@ -28,12 +29,15 @@ class Hierarchy:
     order: list[int] = field(default_factory=list)
 
     def world(self) -> np.ndarray:
-        """(N, 4, 4) world matrices at rest."""
+        """(N, 4, 4) world matrices at rest. AssetError where they are beyond float32."""
         world = self.local.copy()
         with np.errstate(all="ignore"):
             for node in self.order:
                 if self.parent[node] >= 0:
                     world[node] = world[self.parent[node]] @ self.local[node]
+            lost = np.flatnonzero(~(np.abs(world) < MAX_WORLD).all(axis=(1, 2)))
+        if len(lost):
+            fail(f"nodes[{lost[0]}]", "is placed or scaled beyond what can be drawn")
         return world
 
 

@@ -10,7 +10,7 @@ from phrt.model import Material, TextureRef
 from phrt_plugins.loaders.gltf_accessors import Accessors
 from phrt_plugins.loaders.gltf_draco import EXTENSION as DRACO
 from phrt_plugins.loaders.gltf_draco import DracoPrimitive, decode_draco, draco_floats
-from phrt_plugins.loaders.gltf_json import MAX_ENTRIES, Document, Element, fail
+from phrt_plugins.loaders.gltf_json import MAX_ENTRIES, MAX_MAGNITUDE, Document, Element, fail
 
 POINT_AND_LINE_MODES = {0: "points", 1: "lines", 2: "line loops", 3: "line strips"}
 TRIANGLES, STRIP, FAN = 4, 5, 6
@@ -153,6 +153,8 @@ class PrimitiveReader:
 
         positions = read("POSITION")
         assert positions is not None
+        if not (np.abs(positions) < MAX_MAGNITUDE).all():
+            fail(primitive.where, f"has positions beyond {MAX_MAGNITUDE:g}")
         part = Part(
             primitive.where, positions, read("NORMAL"), read("TANGENT"), [read("TEXCOORD_0"), read("TEXCOORD_1")]
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phrt_plugins.loaders.gltf_accessors import Accessors
-from phrt_plugins.loaders.gltf_json import Document, fail
+from phrt_plugins.loaders.gltf_json import MAX_MAGNITUDE, Document, fail
 from phrt_plugins.loaders.gltf_primitives import Part
 from phrt_plugins.loaders.gltf_tangents import unit
 
@@ -62,7 +62,7 @@ def skin_part(document: Document, part: Part, joint_matrices: np.ndarray) -> Non
         if part.tangents is not None:
             turned = unit(np.einsum("vij,vj->vi", matrix[:, :, :3], part.tangents[:, :3])).astype(np.float32)
             part.tangents = np.hstack([turned, part.tangents[:, 3:]])
-    if not np.isfinite(part.positions).all():
+    if not (np.abs(part.positions) < MAX_MAGNITUDE).all():
         fail(part.where, "is moved to infinity by its skin")
 
 

@@ -93,7 +93,7 @@ def weld(positions: np.ndarray, normals: np.ndarray, uv: np.ndarray) -> np.ndarr
 
 def unit(vectors: np.ndarray) -> np.ndarray:
     """Unit vectors (n, 3); zero stays zero."""
-    length = np.sqrt((vectors * vectors).sum(axis=1, keepdims=True))
+    length = np.linalg.norm(vectors.astype(np.float64), axis=1, keepdims=True)
     return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
 
 
