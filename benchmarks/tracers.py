@@ -78,7 +78,7 @@ class Geometry:
 
 @dataclass(frozen=True)
 class RateRow:
-    """Rates of one kind of rays. mega_rays: M rays/s by contender; ratio: embree tracer / embreex `run`; bar: or None."""
+    """Rates of one kind of rays. mega_rays: M rays/s by contender; ratio and its bar: embree tracer / embreex `run`."""
 
     scene: str
     triangles: int
@@ -115,7 +115,7 @@ def camera_rays() -> RayBatch:
     pixel = 2.0 * np.tan(np.radians(30.0)) / WIDTH
     x, y = (tiles[1] + 0.5 - WIDTH / 2) * pixel, (HEIGHT / 2 - tiles[0] - 0.5) * pixel
     direction = normalized(forward + x[:, None] * right + y[:, None] * up).astype(np.float32)
-    origin = np.tile(np.float32(EYE), (len(direction), 1))
+    origin = np.tile(np.array(EYE, np.float32), (len(direction), 1))
     return RayBatch(origin, direction, np.full(len(direction), np.inf, np.float32), coherent=True)
 
 
@@ -123,7 +123,7 @@ def shadow_rays(primary: RayBatch, distance: np.ndarray) -> RayBatch:
     """From a little before every primary hit to the light; distance (n,) of the hits, misses left out."""
     hit = np.isfinite(distance)
     origin = primary.origin[hit] + primary.direction[hit] * (distance[hit, None] * 0.999)
-    to_light = np.float32(LIGHT) - origin
+    to_light = np.array(LIGHT, np.float32) - origin
     length = np.linalg.norm(to_light, axis=1, keepdims=True)
     return RayBatch(origin.astype(np.float32), (to_light / length).astype(np.float32), length[:, 0].astype(np.float32))
 
@@ -138,7 +138,8 @@ def random_rays(geometry: Geometry) -> RayBatch:
 
 def normalized(vectors: np.ndarray) -> np.ndarray:
     """`vectors` (..., 3) at unit length."""
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    unit: np.ndarray = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return unit
 
 
 class BareEmbreex:
@@ -222,12 +223,11 @@ def interleaved(
 
 def measure_all(assets: Path, repeats: int = 15) -> list[RateRow]:
     """Rows for both geometries on one and on two threads."""
-    return [
-        row
-        for geometry in reference_geometries(assets)
-        for threads in (1, 2)
-        for row in measure(geometry, threads, repeats)
-    ]
+    rows: list[RateRow] = []
+    for geometry in reference_geometries(assets):
+        for threads in (1, 2):
+            rows += measure(geometry, threads, repeats)
+    return rows
 
 
 def table(rows: list[RateRow]) -> Table:
