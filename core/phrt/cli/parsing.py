@@ -68,25 +68,20 @@ def parse_value(text: str) -> object:
         raise OptionError(f"'{text}' is not a value: {getattr(error, 'problem', None) or error}") from error
 
 
-def parse_overrides(definitions: Iterable[str]) -> dict[str, object]:
-    """Every "KEY=VALUE" of `-D`, the value as YAML; a later one replaces an earlier one of the same key."""
-    return dict(split_assignment(each, "-D", "/World/Lamp.intensity=3") for each in definitions)
-
-
 def parse_effects(assignments: Iterable[str]) -> dict[str, dict[str, object]]:
     """Every "EFFECT.OPTION=VALUE" of `--effect`, as options by effect."""
     effects: dict[str, dict[str, object]] = {}
     for assignment in assignments:
-        key, value = split_assignment(assignment, "--effect", "shadows.samples=4")
-        effect, dot, option = key.partition(".")
-        if not (effect and dot and option):
+        key, equals, value = assignment.partition("=")
+        effect, dot, option = key.strip().partition(".")
+        if not (equals and effect and dot and option):
             raise OptionError(f"--effect is '{assignment}', expected EFFECT.OPTION=VALUE, as in shadows.samples=4")
-        effects.setdefault(effect, {})[option] = value
+        effects.setdefault(effect, {})[option] = parse_value(value)
     return effects
 
 
 def parse_camera(text: str) -> int | str:
-    """A camera's number or its name or path."""
+    """A camera's number or its path."""
     return int(text) if re.fullmatch(r"\d{1,6}", text) else text
 
 
@@ -95,10 +90,3 @@ def check_number(option: str, value: float, low: float, high: float) -> float:
     if not (math.isfinite(value) and low <= value <= high):
         raise OptionError(f"{option} is {value:g}, allowed: {low:g} to {high:g}")
     return value
-
-
-def split_assignment(text: str, option: str, example: str) -> tuple[str, object]:
-    key, equals, value = text.partition("=")
-    if not equals or not key.strip():
-        raise OptionError(f"{option} is '{text}', expected KEY=VALUE, as in {example}")
-    return key.strip(), parse_value(value)

@@ -18,7 +18,6 @@ from phrt.cli.parsing import (
     parse_camera,
     parse_effects,
     parse_frames,
-    parse_overrides,
     parse_size,
 )
 from phrt.errors import OptionError
@@ -53,7 +52,7 @@ def render(
         str | None, typer.Option(metavar="A:B", help="Frames A to B - 1, or one frame; all of them for a video.")
     ] = None,
     time: Annotated[float | None, typer.Option(help="The moment of a single picture, seconds.")] = None,
-    camera: Annotated[str, typer.Option(help="Number, name or path of the camera.")] = "0",
+    camera: Annotated[str, typer.Option(help="Number or path of the camera.")] = "0",
     situation: Annotated[str | None, typer.Option(help="Which variant of the scene, as night.")] = None,
     gbuffer: Annotated[
         str, typer.Option(help="G-buffer producer; auto takes moderngl on a GPU, else raycast.")
@@ -78,7 +77,6 @@ def render(
     """Render SCENE into a picture, a sequence, a video or EXR layers."""
     # What can be wrong without reading the scene is said before reading it.
     parse_budget(budget)
-    overrides = parse_overrides(define or []) | ({} if situation is None else {"variant": situation})
     options = parse_effects(effect or [])
     given_size = None if size is None else parse_size(size)
     given_frames = None if frames is None else parse_frames(frames)
@@ -88,7 +86,7 @@ def render(
     from phrt.loading import load_scene
 
     with DelayedProgress(1, f"loading {scene.name}") as progress:
-        loaded = load_scene(scene, overrides=overrides)
+        loaded = load_scene(scene, overrides=define, variant=situation)
         settings = loaded.settings
         if exposure is not None:
             settings.exposure = exposure
