@@ -125,7 +125,8 @@ def shadow_rays(primary: RayBatch, distance: np.ndarray) -> RayBatch:
     origin = primary.origin[hit] + primary.direction[hit] * (distance[hit, None] * 0.999)
     to_light = np.array(LIGHT, np.float32) - origin
     length = np.linalg.norm(to_light, axis=1, keepdims=True)
-    return RayBatch(origin.astype(np.float32), (to_light / length).astype(np.float32), length[:, 0].astype(np.float32))
+    direction, t_max = (to_light / length).astype(np.float32), length[:, 0].astype(np.float32)
+    return RayBatch(origin.astype(np.float32), direction, t_max, coherent=True)
 
 
 def random_rays(geometry: Geometry) -> RayBatch:

@@ -14,7 +14,7 @@ class RayBatch:
     origin    : (n, 3) world space, metres
     direction : (n, 3) world space, unit length
     t_max     : (n,)   metres; hits at or beyond it do not count; +inf for no limit
-    coherent  : a hint: neighbours in the batch start together and point the same way (primary rays in tiles)
+    coherent  : a hint: neighbours in the batch start together and point the same way (primary, mirror, shadow in tiles)
     """
 
     origin: np.ndarray

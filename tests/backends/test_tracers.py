@@ -490,3 +490,29 @@ def test_real_meshes_are_answered_as_by_the_oracle(name: str, real_scene: Any) -
     short = np.full(len(rays), np.linalg.norm(np.ptp(world.positions, axis=0)) / 6, np.float32)
     assert np.count_nonzero(tracer.occluded(RayBatch(rays.origin, rays.direction, short)) != blocked) <= 3
     tracer.close()
+
+
+@pytest.mark.parametrize("name", [name for name in TRACERS if name != "numpy"])
+def test_an_animated_file_is_followed_through_time(name: str, assets: Path) -> None:
+    import phrt
+    from phrt.world import World
+
+    world = World(phrt.load_scene(assets / "gltf" / "BoxAnimated" / "BoxAnimated.glb"))
+    tracer, oracle = make_tracer(name), make_tracer("numpy")
+    tracer.build(world)
+    lower, upper = world.bounds()
+    random = np.random.default_rng(4)
+    target, origin = random.uniform(lower, upper, (1000, 3)), random.uniform(lower - 1, upper + 1, (1000, 3))
+    rays = rays_of(origin, (target - origin) / np.linalg.norm(target - origin, axis=1, keepdims=True))
+    seen = []
+    for time in (0.5, 1.7, 3.7):
+        changes = world.advance(time)
+        assert changes.objects
+        tracer.update(world, changes)
+        oracle.build(world)
+        expected = oracle.closest_hit(rays).distance
+        far_off = ~np.isclose(tracer.closest_hit(rays).distance, expected, rtol=1e-4, atol=1e-4)
+        assert np.count_nonzero(far_off) <= 2
+        seen.append(expected)
+    assert np.count_nonzero(seen[0] != seen[1]) > 50
+    tracer.close()
