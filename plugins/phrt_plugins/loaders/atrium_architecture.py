@@ -68,7 +68,7 @@ def attic_base(radius: float, low: float, detail: Detail) -> list[Part]:
     """A square plinth, torus, hollow, torus. 0.34 high."""
     segments = detail.of(18)
     y = low + 0.12
-    profile: Profile = [(0.0, y), (radius * 1.28, y), *ring_profile(radius * 1.24, y, y + 0.09)]
+    profile: Profile = [(0.0, y - 0.02), (radius * 1.2, y - 0.02), *ring_profile(radius * 1.24, y, y + 0.09)]
     profile += [(radius * 1.2, y + 0.1), (radius * 1.12, y + 0.13), (radius * 1.14, y + 0.15)]
     profile += [*ring_profile(radius * 1.1, y + 0.15, y + 0.21), (radius, y + 0.22)]
     return [
@@ -99,7 +99,7 @@ def upper_column(height: float, detail: Detail) -> list[Part]:
         box("limestone", (0.5, 0.1, 0.5), (0, pedestal - 0.05, 0)),
         *attic_base(radius, pedestal, Detail(detail.detail * 0.7)),
         lathe(shaft, detail.of(18), "marble_white"),
-        *capital(radius * 0.86, height - 0.4, height, 0.44, Detail(detail.detail * 0.67)),
+        *capital(radius * 0.86, height - 0.4, height, 0.54, Detail(detail.detail * 0.67)),
     ]
 
 

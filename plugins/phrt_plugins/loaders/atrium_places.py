@@ -48,7 +48,7 @@ def sphere_spots(plan: Plan) -> Iterator[tuple[Array, float]]:
     ):
         yield translation(place_x * x, 0, place_z * z), radius
     for side, along in ((0, 0.8), (0, -1.1)):
-        yield plan.side_frame(side) @ translation(along * BAY, STEP, -BAY + 0.9), 0.42
+        yield plan.side_frame(side) @ translation(along * BAY, STEP, -BAY + 0.7), 0.42
     for step in range(1_000_000):
         angle, away = step * 2.39996, 0.45 + 0.4 * ((step * 0.618) % 1.0)
         yield translation(plan.half_x * away * np.cos(angle), 0, plan.half_z * away * np.sin(angle)), 0.35

@@ -99,7 +99,7 @@ def stone_blocks(noise: Noise, rows: int, columns: int, size: int) -> tuple[Arra
     warmth = noise.random.uniform(-0.03, 0.03, rows * columns).astype(np.float32)[cell]
     grain, stain = noise.field(size, 1.0), noise.field(size, 1.9)
     factor = tone * (1 + 0.035 * grain + 0.05 * stain) * (0.66 + 0.34 * clear)
-    color = np.stack([214 * (1 + warmth), np.full_like(tone, 196), 166 * (1 - warmth)], axis=-1)
+    color = np.stack([220 * (1 + warmth), np.full_like(tone, 190), 146 * (1 - warmth)], axis=-1)
     height = 3.0 * np.sqrt(clear) + 0.18 * grain
     return colored(color, factor), normal_map(height, 0.8)
 
@@ -107,7 +107,7 @@ def stone_blocks(noise: Noise, rows: int, columns: int, size: int) -> tuple[Arra
 def limestone(noise: Noise) -> Array:
     """Plain dressed stone with faint beds."""
     factor = 1 + 0.03 * noise.field(power=1.0) + 0.045 * noise.field(power=1.8, stretch=(1.0, 3.0))
-    return colored((222, 207, 180), factor)
+    return colored((226, 203, 166), factor)
 
 
 def voussoirs(noise: Noise) -> Array:
@@ -133,7 +133,7 @@ def floor_tiles(noise: Noise) -> Array:
     clear, dark = tile_layout()
     cloud = noise.field(power=1.6)
     veins = np.exp(-np.abs(noise.field(power=1.9)) * 12)
-    color = mixed((224, 214, 196), (176, 118, 92), dark.astype(np.float32))
+    color = mixed((206, 192, 166), (164, 92, 66), dark.astype(np.float32))
     return colored(color, (1 + 0.04 * cloud + 0.08 * veins) * (0.55 + 0.45 * clear))
 
 
@@ -164,7 +164,7 @@ def gallery_tiles(noise: Noise) -> Array:
 
 def plaster(noise: Noise) -> Array:
     """Pale lime plaster, slightly blotched."""
-    return colored((232, 222, 202), 1 + 0.035 * noise.field(power=2.0) + 0.012 * noise.field(power=0.6))
+    return colored((230, 212, 180), 1 + 0.035 * noise.field(power=2.0) + 0.012 * noise.field(power=0.6))
 
 
 def weave(size: int, threads: int) -> Array:
