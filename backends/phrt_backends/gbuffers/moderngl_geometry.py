@@ -29,10 +29,9 @@ MOVING = ("in_position", "in_normal", "in_tangent")
 
 @dataclass(frozen=True)
 class Visible:
-    """Clusters in view, in draw order. depths (n,): their smallest depths, metres; nearest, farthest: of all."""
+    """Clusters in view, in draw order, and the smallest and largest depth of their boxes' corners, metres."""
 
     clusters: np.ndarray
-    depths: np.ndarray
     nearest: float
     farthest: float
 
@@ -85,9 +84,8 @@ class DrawGeometry:
         depth = corners @ depth_row[:3] + depth_row[3]
         clusters = np.flatnonzero(drawn & ~outside) if cull else np.flatnonzero(drawn)
         if not len(clusters):
-            return Visible(clusters, np.zeros(0), 0.0, 0.0)
-        depths = depth[clusters].min(axis=1)
-        return Visible(clusters, depths, float(depths.min()), float(depth[clusters].max()))
+            return Visible(clusters, 0.0, 0.0)
+        return Visible(clusters, float(depth[clusters].min()), float(depth[clusters].max()))
 
     def release(self) -> None:
         """Give the buffers back."""

@@ -127,18 +127,18 @@ class ModernglProducer(GBufferProducer):
         Raises `ValueError` for unknown channels or before `build`.
         """
         wanted = checked_channels(channels)
-        if self._world is None:
-            raise ValueError("the moderngl producer was asked to render before build(world)")
         layout = layout_for(wanted)
         with self._current():
+            if self._world is None:
+                raise ValueError("the moderngl producer was asked to render before build(world)")
             target = self._target(view.width, view.height, layout)
             target.framebuffer.use()
             target.framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=1.0)
             if self._geometry is not None:
                 self._draw(view, layout, opaque_only)
             buffer = self._read(view, layout, target)
-        if "motion" in wanted:
-            self._past[opaque_only] = Past(_steady_clip(view), self._world.geometry.object_matrix.copy())
+            if "motion" in wanted:
+                self._past[opaque_only] = Past(_steady_clip(view), self._world.object_matrix.copy())
         return buffer
 
     def gl_error(self) -> str:
@@ -202,7 +202,8 @@ class ModernglProducer(GBufferProducer):
         )
         states, state_of_material = self._draw_states(layout)
 
-        # Neighbouring clusters that need the same state are one draw.
+        # Neighbouring clusters that need the same state are one draw. Drawing near ones first was measured: on llvmpipe
+        # the extra changes of state cost more (10 ms of 67) than the hidden pixels that are not shaded bring.
         clusters = visible.clusters
         state = state_of_material[geometry.cluster_material[clusters]]
         group = moved[geometry.cluster_object[clusters]]
@@ -210,9 +211,6 @@ class ModernglProducer(GBufferProducer):
         cut = (np.diff(state) != 0) | (np.diff(group) != 0) | (first[1:] != first[:-1] + rows[:-1])
         starts = np.concatenate([[0], np.flatnonzero(cut) + 1])
         counts = np.add.reduceat(rows, starts)
-        # Near ones first: what they hide is not shaded.
-        near_first = np.argsort(np.minimum.reduceat(visible.depths, starts), kind="stable")
-        starts, counts = starts[near_first], counts[near_first]
 
         gl = self._gl
         gl.enable_only(gl.DEPTH_TEST | gl.CULL_FACE)
@@ -242,7 +240,7 @@ class ModernglProducer(GBufferProducer):
         """(N + 1,) int32 index of every object into a list of matrices that bring present world points to where they
         were on the previous picture; 0 for all that stood still."""
         assert self._world is not None
-        current = self._world.geometry.object_matrix
+        current = self._world.object_matrix
         index = np.zeros(len(current), np.int32)
         past = self._past.get(opaque_only)
         if past is None:

@@ -1,0 +1,98 @@
+"""Small scenes with answers that can be computed, for the G-buffer tests."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phrt.camera import CameraView, look_at
+from phrt.model import Image, Material, Mesh
+from phrt.scene import Scene, SceneNode, SceneObject
+from phrt.world import World
+
+QUAD_UV = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32)
+SIZE = 64
+"""Width and height of the test pictures: with `front_view`, 32 pixels a metre at z = 0."""
+
+
+def quad(material: int = 0, *, half: float = 1.0, tangents: bool = False, **attributes: np.ndarray) -> Mesh:
+    """A square of side 2 * half in the plane z = 0, facing +Z; uv (0, 0) at its top left corner, v down."""
+    positions = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32) * np.float32(half)
+    return Mesh(
+        "quad",
+        positions,
+        np.array([[0, 1, 2], [0, 2, 3]], np.int32),
+        np.full(2, material, np.int32),
+        normals=np.tile(np.float32([0, 0, 1]), (4, 1)),
+        tangents=np.tile(np.float32([1, 0, 0, 1]), (4, 1)) if tangents else None,
+        uv0=attributes.get("uv0", QUAD_UV),
+        uv1=attributes.get("uv1"),
+        colors=attributes.get("colors"),
+    )
+
+
+def at(
+    x: float = 0.0, y: float = 0.0, z: float = 0.0, scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+) -> np.ndarray:
+    """(4, 4) float64: scale, then move."""
+    matrix = np.diag([*scale, 1.0])
+    matrix[:3, 3] = (x, y, z)
+    return matrix
+
+
+def world_of(
+    placed: list[tuple[Mesh, np.ndarray]], materials: list[Material] | None = None, images: list[Image] | None = None
+) -> World:
+    """A world with one object per (mesh, matrix)."""
+    return World(
+        Scene(
+            "test",
+            nodes=[SceneNode(f"/n{i}", -1, matrix) for i, (_, matrix) in enumerate(placed)],
+            objects=[SceneObject(f"/n{i}", i, i) for i in range(len(placed))],
+            meshes=[mesh for mesh, _ in placed],
+            materials=materials or [Material()],
+            images=images or [],
+        )
+    )
+
+
+def front_view(**changes: object) -> CameraView:
+    """From (0, 0, 2) down -Z with a 53 degree field: x, y in -1..1 at z = 0 fill the picture exactly."""
+    values: dict[str, object] = {
+        "width": SIZE,
+        "height": SIZE,
+        "tan_half": (0.5, 0.5),
+        "world_from_view": look_at((0, 0, 2), (0, 0, 0)),
+    }
+    return CameraView(**(values | changes))  # type: ignore[arg-type]
+
+
+def four_colors() -> Image:
+    """2 x 2 texels: red green / blue white, row 0 at the top."""
+    pixels = np.array([[[255, 0, 0, 255], [0, 255, 0, 255]], [[0, 0, 255, 255], [255, 255, 255, 255]]], np.uint8)
+    return Image("four", pixels)
+
+
+def half_covered() -> Image:
+    """2 x 1 texels: an opaque left one and an empty right one."""
+    return Image("half", np.array([[[255, 255, 255, 255], [255, 255, 255, 0]]], np.uint8))
+
+
+def sphere(rings: int = 24, radius: float = 0.6) -> Mesh:
+    """A latitude-longitude sphere with smooth normals, uv and tangents."""
+    theta = np.linspace(0, np.pi, rings + 1)
+    phi = np.linspace(0, 2 * np.pi, 2 * rings + 1)
+    t, p = np.meshgrid(theta, phi, indexing="ij")
+    normals = np.stack([np.sin(t) * np.cos(p), np.cos(t), -np.sin(t) * np.sin(p)], -1).reshape(-1, 3).astype(np.float32)
+    uv = np.stack([p / (2 * np.pi), t / np.pi], -1).reshape(-1, 2).astype(np.float32)
+    tangent = (
+        np.stack([-np.sin(p), np.zeros_like(p), -np.cos(p), np.ones_like(p)], -1).reshape(-1, 4).astype(np.float32)
+    )
+    a = (np.arange(rings)[:, None] * (2 * rings + 1) + np.arange(2 * rings)[None]).reshape(-1)
+    b = a + 2 * rings + 1
+    triangles = np.concatenate([np.stack([a, b, b + 1], -1), np.stack([a, b + 1, a + 1], -1)]).astype(np.int32)
+    corners = (normals * np.float32(radius))[triangles]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    triangles = triangles[area > 1e-9]
+    return Mesh(
+        "sphere", normals * np.float32(radius), triangles, np.zeros(len(triangles), np.int32), normals, tangent, uv
+    )
