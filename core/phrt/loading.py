@@ -29,7 +29,7 @@ def load_scene(
     overrides: Overrides | None = None,
     variant: str | None = None,
 ) -> Scene:
-    """The scene described in `path` (.yaml, .yml, .json), or a model file, framed and lit where it brings no camera or light.
+    """The scene described in `path` (.yaml, .yml, .json), or a model file, framed and lit where it is not.
 
     search    : folders to find assets in, after the scene's own and before those of PHRT_ASSETS.
     overrides : {"/World/Lamp.intensity": 3, "variant": "night"}, or texts "/World/Lamp.intensity=3".

@@ -77,7 +77,9 @@ class Builder:
         self.problems.raise_if_any()
         visible = self._visible()
         for path in visible:
-            self._read_materials_of(path)
+            self._read_model(path)
+        for path in self._prims:
+            self._read_material(path, ())
         self.problems.raise_if_any()
         self._walk(visible)
         self._settings()
@@ -121,14 +123,18 @@ class Builder:
         """Is `material` a Material prim, or a material of a model that was read?"""
         if isinstance(self._prims.get(material), MaterialPrim) or material in self.materials:
             return True
-        known = [p for p, prim in self._prims.items() if isinstance(prim, MaterialPrim)]
-        known += [p for p in self.materials if p not in known]
-        if material in self.stage.prims and material in self._prims:
-            message = f"material: {material} is not a Material prim; allowed: {listed(known)}"
+        known = self._known_materials()
+        allowed = listed(known) or "none is described"
+        if material in self._prims:
+            message = f"material: {material} is not a Material prim; allowed: {allowed}"
         else:
-            message = f"material: there is no {material}; allowed: {listed(known) or 'none is described'}.{did_you_mean(material, known)}"
+            message = f"material: there is no {material}; allowed: {allowed}.{did_you_mean(material, known)}"
         self.problems.add(mark, path, message)
         return False
+
+    def _known_materials(self) -> list[str]:
+        described = [path for path, prim in self._prims.items() if isinstance(prim, MaterialPrim)]
+        return list(dict.fromkeys((*described, *self.materials)))
 
     def _visible(self) -> list[str]:
         """Paths of prims that are in the scene, parents before children."""
@@ -143,36 +149,55 @@ class Builder:
 
     # Materials and models
 
-    def _read_materials_of(self, path: str) -> None:
+    def _read_material(self, path: str, heirs: tuple[str, ...]) -> int | None:
+        """Scene material of the Material prim (or the model's material) at `path`, read after what it inherits from."""
+        prim = self._prims.get(path)
+        if path in self.materials or not isinstance(prim, MaterialPrim):
+            return self.materials.get(path)
+        value = self.stage.prims[path]
+        base: int | None = None
+        if prim.inherits is not None:
+            mark = value.mark_of(("inherits",))
+            if prim.inherits in (*heirs, path):
+                self.problems.add(mark, path, f"inherits: a cycle: {' -> '.join((*heirs, path, prim.inherits))}")
+                return None
+            base = self._read_material(prim.inherits, (*heirs, path))
+            if base is None and not len(self.problems):
+                known = self._known_materials()
+                hint = did_you_mean(prim.inherits, known)
+                message = f"inherits: there is no material {prim.inherits}; allowed: {listed(known)}.{hint}"
+                self.problems.add(mark, path, message)
+        start = replace(self.scene.materials[base], name=path) if base is not None else Material(name=path)
+        self.scene.materials.append(self._changed(start, prim, path, value))
+        self.materials[path] = len(self.scene.materials) - 1
+        return self.materials[path]
+
+    def _read_model(self, path: str) -> None:
         prim = self._prims[path]
-        if isinstance(prim, MaterialPrim):
-            self.materials[path] = self.add_material(changed_material(Material(name=path), prim), prim, path)
-        elif isinstance(prim, (ReferencePrim, MeshPrim)) and not _is_descriptor(prim):
+        if isinstance(prim, (ReferencePrim, MeshPrim)) and not _is_descriptor(prim):
             model = self._model(path, prim)
             if model is not None:
                 self.models[path] = model
-                self.model_materials[path] = self._materials_of_model(path, model)
+                self.model_materials[path] = self._materials_of_model(path, model, prim)
 
-    def add_material(self, material: Material, prim: MaterialPrim | None, path: str) -> int:
-        """Append `material`, with the textures that `prim` gives; its index."""
-        for slot in texture_slots(prim) if prim is not None else []:
+    def _changed(self, material: Material, prim: MaterialPrim, path: str, value: Value) -> Material:
+        material = changed_material(material, prim)
+        for slot in texture_slots(prim):
             texture = getattr(prim, slot)
-            ref = None if texture is None else self._texture(texture, path, slot)
+            ref = None if texture is None else self._texture(texture, path, value.mark_of((slot, "asset")))
             material = replace(material, **{slot: ref})  # type: ignore[arg-type]
-        self.scene.materials.append(material)
-        return len(self.scene.materials) - 1
+        return material
 
-    def _texture(self, texture: Texture, path: str, slot: str) -> TextureRef | None:
+    def _texture(self, texture: Texture, path: str, mark: Mark) -> TextureRef | None:
         if texture.checker is not None:
             return texture_ref(texture, self._image(texture.checker, checker_image(texture.checker)))
-        value = self.stage.prims.get(path) or self.stage.overs[path]
-        file = self.file(path, value.mark_of((slot, "asset")), str(texture.asset))
+        file = self.file(path, mark, str(texture.asset))
         if file is None:
             return None
         try:
             return texture_ref(texture, self._image(file, None if file in self._images else read_texture(file)))
         except InputError as error:
-            self.problems.add(value.mark_of((slot, "asset")), path, str(error))
+            self.problems.add(mark, path, str(error))
             return None
 
     def _image(self, key: object, image: Image | None) -> int:
@@ -212,41 +237,45 @@ class Builder:
             self.problems.add(mark, path, str(error))
             return None
 
-    def _materials_of_model(self, path: str, model: Model) -> list[int]:
-        """Scene material index of every material of `model`, with the overs for this reference; shared where there are none."""
+    def _materials_of_model(self, path: str, model: Model, prim: ReferencePrim | MeshPrim) -> list[int]:
+        """Scene material of every material of `model` with this reference's changes; shared where there are none."""
         self._kept.append(model)
         if id(model) not in self._image_base:
             self._image_base[id(model)] = len(self.scene.images)
             self.scene.images.extend(model.images)
-        base = self._image_base[id(model)]
         names: set[str] = set()
         result: list[int] = []
         for number, material in enumerate(model.materials):
             material_path = unique(f"{path}/{MATERIALS}/{prim_name(material.name, f'material_{number}')}", names)
-            over = self.stage.overs.pop(material_path, None)
-            key = ("material", id(model), number)
-            if over is None and key in self._mesh_ids:
-                index = self._mesh_ids[key]
-            else:
-                moved = _with_image_base(material, base)
-                index = (
-                    self._overridden_material(moved, over, material_path)
-                    if over
-                    else self.add_material(moved, None, path)
-                )
-                if over is None:
-                    self._mesh_ids[key] = index
+            index = self._model_material(path, material_path, model, number, prim)
             self.materials[material_path] = index
             result.append(index)
         return result
 
-    def _overridden_material(self, material: Material, over: Value, path: str) -> int:
-        prim = validated(MaterialOver, over, path, self.problems)
-        if prim is None:
-            return self.add_material(material, None, path)
-        self.stage.overs[path] = over
-        index = self.add_material(changed_material(material, prim), prim, path)
-        del self.stage.overs[path]
+    def _model_material(
+        self, path: str, material_path: str, model: Model, number: int, prim: ReferencePrim | MeshPrim
+    ) -> int:
+        """Scene material of material `number` of `model`: the shared one, or its own when something changes it here."""
+        material = _with_image_base(model.materials[number], self._image_base[id(model)])
+        changes: list[tuple[MaterialPrim, str, Value]] = []
+        everywhere = prim.all_materials if isinstance(prim, ReferencePrim) else None
+        if everywhere is not None:
+            value = self.stage.prims[path].data
+            assert isinstance(value, dict)
+            changes.append((everywhere, path, value["all_materials"]))
+        over = self.stage.overs.pop(material_path, None)
+        own = validated(MaterialOver, over, material_path, self.problems) if over is not None else None
+        if own is not None and over is not None:
+            changes.append((own, material_path, over))
+        key = ("material", id(model), number)
+        if not changes and key in self._mesh_ids:
+            return self._mesh_ids[key]
+        for change, where, said in changes:
+            material = self._changed(material, change, where, said)
+        self.scene.materials.append(material)
+        index = len(self.scene.materials) - 1
+        if not changes:
+            self._mesh_ids[key] = index
         return index
 
     # Placing

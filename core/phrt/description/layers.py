@@ -21,13 +21,13 @@ from phrt.errors import AssetError, SceneError, did_you_mean
 DESCRIPTOR_SUFFIXES = (".yaml", ".yml", ".json")
 MAX_FILES = 256
 MAX_PRIMS = 200_000
-PATH_ATTRIBUTES = ("material", "camera")
+PATH_ATTRIBUTES = ("material", "inherits", "camera")
 """Attributes that hold prim paths; they move along when a descriptor is placed under a Reference."""
 
 
 @dataclass(frozen=True)
 class Opinion:
-    """What is said about one prim. defined: by `prims`, or only overridden. Marks know the file, where asset names start from."""
+    """What is said about one prim. defined: by `prims`, or only overridden."""
 
     value: Value
     defined: bool

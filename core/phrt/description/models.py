@@ -30,7 +30,7 @@ class ModelStore:
         self._joined: dict[int, Mesh] = {}
 
     def model(self, path: Path | None, loader: str | None, options: Mapping[str, Any], beside: Path) -> Model:
-        """The model in `path` (a resolved file), or the one that procedural loader `loader` makes; `beside` is the scene file.
+        """The model in `path` (resolved), or what procedural loader `loader` makes; `beside` is the scene file.
 
         Raises AssetError, OptionError or PluginError, each naming the file or the loader.
         """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
@@ -172,6 +173,6 @@ def sample_times(times: np.ndarray) -> np.ndarray:
         np.linspace(
             before, after, int(np.clip(np.ceil((after - before) * SAMPLES_PER_SECOND), MIN_SAMPLES, MAX_SAMPLES)) + 1
         )[:-1]
-        for before, after in zip(times[:-1], times[1:], strict=True)
+        for before, after in pairwise(times.tolist())
     ]
     return np.concatenate([*pieces, times[-1:]])

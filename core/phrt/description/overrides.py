@@ -14,7 +14,7 @@ def parse_override(text: str) -> tuple[str, Any]:
     """("/World/Lamp.intensity", 3) of "/World/Lamp.intensity=3"; the value is read as YAML. Raises OptionError."""
     key, equals, value = text.partition("=")
     key = key.strip()
-    if not equals or not key or "." not in key.rpartition("/")[2] and "/" in key:
+    if not equals or not key or ("/" in key and "." not in key.rpartition("/")[2]):
         raise OptionError(
             f"override '{text}': wanted PRIM.ATTRIBUTE=VALUE, as in /World/Lamp.intensity=3 or variant=night"
         )

@@ -5,6 +5,7 @@ Names and meanings follow OpenUSD (UsdGeom, UsdLux, UsdShade) and glTF 2.0 mater
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
@@ -113,7 +114,7 @@ class Prim(PrimBase):
 
 
 def _rising(times: list[float]) -> None:
-    for before, after in zip(times, times[1:], strict=False):
+    for before, after in pairwise(times):
         if after <= before:
             raise ValueError(f"keys must be at rising times; {after:g} follows {before:g}")
 
@@ -221,25 +222,6 @@ class BoxPrim(Prim):
     size: tuple[Positive, Positive, Positive] = Field((1.0, 1.0, 1.0), description="Metres along X, Y and Z.")
 
 
-class ReferencePrim(Prim, SplitField):
-    """A model file, another scene description, or a procedural model, placed under this prim."""
-
-    type: Literal["Reference"]
-    asset: Text | None = Field(None, description="Model file or scene description.")
-    loader: Text | None = Field(
-        None, description="Loader by name; needed only for procedural ones, which take no file."
-    )
-    options: dict[str, Any] = Field(default_factory=dict, description="The loader's own options.")
-    variant: Text | None = Field(None, description="Variant of a referenced scene description.")
-    smooth: Flag = Field(False, description="Smooth normals where a model has none, instead of flat ones.")
-
-    @model_validator(mode="after")
-    def _check(self) -> ReferencePrim:
-        if self.asset is None and self.loader is None:
-            raise ValueError("give asset (a file), or loader (a procedural model)")
-        return self
-
-
 class Texture(Described):
     """An image on a material: a file, or a checkerboard of two colours."""
 
@@ -265,6 +247,9 @@ class MaterialPrim(Described):
     """glTF 2.0 metallic-roughness with transmission, volume, ior and emission."""
 
     type: Literal["Material"]
+    inherits: PrimPath | None = Field(
+        None, description="Another material, also one of a referenced model; what is not given here is as there."
+    )
     base_color: Color = Field((1.0, 1.0, 1.0), description="Linear RGB.")
     opacity: Unit = Field(1.0, description="Alpha, where alpha_mode is not OPAQUE.")
     metallic: Unit = Field(0.0, description="0 dielectric, 1 metal.")
@@ -292,6 +277,34 @@ class MaterialPrim(Described):
     occlusion_texture: Texture | None = Field(None, description="Red.")
     emissive_texture: Texture | None = Field(None, description="sRGB, times emissive.")
     transmission_texture: Texture | None = Field(None, description="Red.")
+
+
+class MaterialOver(MaterialPrim):
+    """Changes to a material of a referenced model file: any of a material's attributes."""
+
+    type: Literal["Material"] = "Material"
+
+
+class ReferencePrim(Prim, SplitField):
+    """A model file, another scene description, or a procedural model, placed under this prim."""
+
+    type: Literal["Reference"]
+    asset: Text | None = Field(None, description="Model file or scene description.")
+    loader: Text | None = Field(
+        None, description="Loader by name; needed only for procedural ones, which take no file."
+    )
+    options: dict[str, Any] = Field(default_factory=dict, description="The loader's own options.")
+    variant: Text | None = Field(None, description="Variant of a referenced scene description.")
+    all_materials: MaterialOver | None = Field(
+        None, description="Attributes given to every material of the model; an over of one material is stronger."
+    )
+    smooth: Flag = Field(False, description="Smooth normals where a model has none, instead of flat ones.")
+
+    @model_validator(mode="after")
+    def _check(self) -> ReferencePrim:
+        if self.asset is None and self.loader is None:
+            raise ValueError("give asset (a file), or loader (a procedural model)")
+        return self
 
 
 class LookAt(Described):
@@ -498,9 +511,3 @@ class CameraOver(ModelOver):
     near: Positive | None = Field(None, description="Metres.")
     far: Annotated[RealOrInf, Field(gt=0)] | None = Field(None, description="Metres.")
     exposure: Positive | None = Field(None, description="Multiplies the linear picture.")
-
-
-class MaterialOver(MaterialPrim):
-    """What `over` may say about a material inside a referenced model file: any attribute but its type."""
-
-    type: Literal["Material"] = "Material"

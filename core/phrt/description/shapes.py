@@ -34,7 +34,7 @@ def icosphere(name: str, radius: float, subdivision: int) -> Mesh:
 
 
 def _hull_faces(points: np.ndarray) -> np.ndarray:
-    """(20, 3) faces of the icosahedron with vertices (12, 3): triples at edge length, counter-clockwise from outside."""
+    """(20, 3) faces of the icosahedron with vertices (12, 3): triples at edge length, counter-clockwise outside."""
     distance = np.linalg.norm(points[:, None] - points[None], axis=2)
     near = (distance > 0) & (distance < distance[distance > 0].min() * 1.01)
     faces = [
@@ -60,7 +60,7 @@ def _subdivided(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, 
 
 
 def _unwrapped(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points, triangles and uv with vertices doubled where the longitude jumps; u turns about +Y, v runs down from +Y."""
+    """Points, triangles and uv with vertices doubled where the longitude jumps; u turns about +Y, v runs down."""
     corners = points[triangles]
     u = np.arctan2(-corners[..., 2], corners[..., 0]) / (2 * np.pi) + 0.5
     v = np.arccos(np.clip(corners[..., 1], -1, 1)) / np.pi

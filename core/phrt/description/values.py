@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import yaml
 
@@ -74,7 +74,7 @@ class Value:
 
 
 def value_of(data: Any, mark: Mark) -> Value:
-    """Plain Python data (of an override, say) as a `Value` with one mark throughout. Raises SceneError for other types."""
+    """Plain Python data (of an override, say) as a `Value` with one mark. Raises SceneError for other types."""
     if isinstance(data, Value):
         return data
     if isinstance(data, Mapping):
@@ -180,7 +180,7 @@ class _Reader:
         while not isinstance(event := next(events), yaml.MappingEndEvent):
             if not isinstance(event, yaml.ScalarEvent):
                 self._refuse(event, "a key must be a name")
-            key = event.value
+            key = str(event.value)
             if key == "<<":
                 self._refuse(event, "merge keys (<<) are not read; use sublayers, `over` or an alias for a whole value")
             if key in result:
@@ -191,9 +191,10 @@ class _Reader:
         return result
 
     def _alias(self, event: yaml.AliasEvent, depth: int) -> Value:
-        if event.anchor not in self._anchors:
-            self._refuse(event, f"the alias '*{event.anchor}' names no finished anchor above it")
-        value, size, height = self._anchors[event.anchor]
+        name = str(event.anchor)
+        if name not in self._anchors:
+            self._refuse(event, f"the alias '*{name}' names no finished anchor above it")
+        value, size, height = self._anchors[name]
         self._counted(event, size)
         if depth + height > MAX_DEPTH:
             self._refuse(event, f"nested more than {MAX_DEPTH} levels deep (aliases expanded)")
@@ -219,7 +220,7 @@ class _Reader:
             self._refuse(event, f"more than {MAX_VALUES} values (aliases expanded)")
 
     def _mark(self, event: yaml.Event) -> Mark:
-        return Mark(self._shown, event.start_mark.line + 1, self._path)
+        return Mark(self._shown, event.start_mark.line + 1 if event.start_mark else 0, self._path)
 
-    def _refuse(self, event: yaml.Event, message: str) -> None:
+    def _refuse(self, event: yaml.Event, message: str) -> NoReturn:
         raise SceneError(f"{self._mark(event)}: {message}")
