@@ -36,7 +36,7 @@ class Environment:
         sharp = octahedral_from_equirectangular(dome.pixels, dome.rotation) * color
         small = sharp.reshape(128, SHARP_SIZE // 128, 128, SHARP_SIZE // 128, 3).mean(axis=(1, 3))
         blurred = np.zeros((len(ROUGHNESS_LEVELS), BLURRED_SIZE, BLURRED_SIZE, 3), np.float32)
-        prefilter(np.ascontiguousarray(small, dtype=np.float32), np.array(ROUGHNESS_LEVELS, np.float32), blurred)
+        prefilter(np.ascontiguousarray(small[None], dtype=np.float32), np.array(ROUGHNESS_LEVELS, np.float32), blurred)
         return cls(np.ascontiguousarray(sharp, dtype=np.float32), blurred, irradiance_harmonics(small), dome.visible)
 
 

@@ -36,7 +36,7 @@ class MaterialArrays(NamedTuple):
 
 
 class EnvironmentArrays(NamedTuple):
-    """See `Environment`."""
+    """See `Environment`; `sharp` is (1, S, S, 3) here, so that one lookup serves both."""
 
     sharp: np.ndarray
     blurred: np.ndarray
@@ -80,7 +80,7 @@ def material_arrays(world: World) -> MaterialArrays:
 
 def environment_arrays(world: World) -> EnvironmentArrays:
     environment = world.environment
-    return EnvironmentArrays(environment.sharp, environment.blurred, environment.irradiance)
+    return EnvironmentArrays(environment.sharp[None], environment.blurred, environment.irradiance)
 
 
 def surface_arrays(gbuffer: GBuffer) -> SurfaceArrays:

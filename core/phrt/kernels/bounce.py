@@ -227,7 +227,7 @@ def shade_and_spawn(direction, distance, path_length, weight, target, medium, su
                 sum_r += direct[i, k, 0] * v
                 sum_g += direct[i, k, 1] * v
                 sum_b += direct[i, k, 2] * v
-            ar, ag, ab = ambient_light(environment, nx, ny, nz)
+            ar, ag, ab = ambient_light(environment.sharp, environment.irradiance, nx, ny, nz)
             body = (f32(1.0) - metallic) * (f32(1.0) - through)
             sum_r += (f32(1.0) - fr) * body * red * ar
             sum_g += (f32(1.0) - fg) * body * green * ag

@@ -25,31 +25,32 @@ def octahedral_uv(x, y, z):
 
 
 @device
-def lookup(octahedral, x, y, z):
-    """Bilinear radiance (r, g, b) of an octahedral map (S, S, 3) in direction x, y, z."""
-    size = octahedral.shape[0]
+def lookup(maps, level, x, y, z):
+    """Bilinear radiance (r, g, b) of octahedral map `level` of maps (levels, S, S, 3) in direction x, y, z."""
+    size = maps.shape[1]
     if size == 1:
-        return octahedral[0, 0, 0], octahedral[0, 0, 1], octahedral[0, 0, 2]
+        return maps[level, 0, 0, 0], maps[level, 0, 0, 1], maps[level, 0, 0, 2]
     u, v = octahedral_uv(x, y, z)
     column = min(max(u * f32(size) - f32(0.5), f32(0.0)), f32(size - 1))
     row = min(max(v * f32(size) - f32(0.5), f32(0.0)), f32(size - 1))
     x0, y0 = min(int(column), size - 2), min(int(row), size - 2)
+    x1, y1 = x0 + 1, y0 + 1
     fx, fy = column - f32(x0), row - f32(y0)
     a, b = (f32(1.0) - fx) * (f32(1.0) - fy), fx * (f32(1.0) - fy)
     c, d = (f32(1.0) - fx) * fy, fx * fy
-    r = octahedral[y0, x0, 0] * a + octahedral[y0, x0 + 1, 0] * b + octahedral[y0 + 1, x0, 0] * c + octahedral[y0 + 1, x0 + 1, 0] * d
-    g = octahedral[y0, x0, 1] * a + octahedral[y0, x0 + 1, 1] * b + octahedral[y0 + 1, x0, 1] * c + octahedral[y0 + 1, x0 + 1, 1] * d
-    bl = octahedral[y0, x0, 2] * a + octahedral[y0, x0 + 1, 2] * b + octahedral[y0 + 1, x0, 2] * c + octahedral[y0 + 1, x0 + 1, 2] * d
-    return r, g, bl
+    r = maps[level, y0, x0, 0] * a + maps[level, y0, x1, 0] * b + maps[level, y1, x0, 0] * c + maps[level, y1, x1, 0] * d
+    g = maps[level, y0, x0, 1] * a + maps[level, y0, x1, 1] * b + maps[level, y1, x0, 1] * c + maps[level, y1, x1, 1] * d
+    e = maps[level, y0, x0, 2] * a + maps[level, y0, x1, 2] * b + maps[level, y1, x0, 2] * c + maps[level, y1, x1, 2] * d
+    return r, g, e
 
 
 @device
 def environment_radiance(sharp, blurred, x, y, z, roughness):
-    """Radiance (r, g, b) from direction x, y, z, filtered for a GGX lobe of `roughness`; levels as in ROUGHNESS_LEVELS."""
-    if sharp.shape[0] == 1:
-        return sharp[0, 0, 0], sharp[0, 0, 1], sharp[0, 0, 2]
+    """Radiance (r, g, b) of sharp (1, S, S, 3) and blurred (levels, B, B, 3) from direction x, y, z, filtered for a GGX lobe of `roughness`; levels as in ROUGHNESS_LEVELS."""
+    if sharp.shape[1] == 1:
+        return sharp[0, 0, 0, 0], sharp[0, 0, 0, 1], sharp[0, 0, 0, 2]
     if roughness < f32(0.05):
-        return lookup(sharp, x, y, z)
+        return lookup(sharp, 0, x, y, z)
     if roughness < f32(0.1):
         level = f32(0.0)
     elif roughness < f32(0.5):
@@ -59,8 +60,8 @@ def environment_radiance(sharp, blurred, x, y, z, roughness):
     low = min(int(level), blurred.shape[0] - 1)
     high = min(low + 1, blurred.shape[0] - 1)
     mix = level - f32(low)
-    r0, g0, b0 = lookup(blurred[low], x, y, z)
-    r1, g1, b1 = lookup(blurred[high], x, y, z)
+    r0, g0, b0 = lookup(blurred, low, x, y, z)
+    r1, g1, b1 = lookup(blurred, high, x, y, z)
     return r0 + (r1 - r0) * mix, g0 + (g1 - g0) * mix, b0 + (b1 - b0) * mix
 
 
@@ -95,7 +96,7 @@ def irradiance(harmonics, x, y, z):
 
 @kernel
 def prefilter(source, levels, target):
-    """GGX-filter `source` (S, S, 3) octahedral into `target` (levels, B, B, 3): 256 samples, view along the normal (Karis 2013)."""
+    """GGX-filter `source` (1, S, S, 3) octahedral into `target` (levels, B, B, 3): 256 samples, view along the normal (Karis 2013)."""
     size = target.shape[1]
     for level in range(len(levels)):
         alpha = levels[level] * levels[level]
@@ -122,7 +123,7 @@ def prefilter(source, levels, target):
                     lx, ly, lz = f32(2.0) * cosine * hx - nx, f32(2.0) * cosine * hy - ny, f32(2.0) * cosine * hz - nz
                     facing = lx * nx + ly * ny + lz * nz
                     if facing > f32(0.0):
-                        r, g, bl = lookup(source, f32(lx), f32(ly), f32(lz))
+                        r, g, bl = lookup(source, 0, f32(lx), f32(ly), f32(lz))
                         total_r += r * facing
                         total_g += g * facing
                         total_b += bl * facing

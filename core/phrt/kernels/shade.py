@@ -53,11 +53,11 @@ def reflectance(material, metallic, roughness, transmission, red, green, blue, n
 
 
 @device
-def ambient_light(environment, nx, ny, nz):
+def ambient_light(sharp, harmonics, nx, ny, nz):
     """Irradiance / pi of the dome at a surface of unit normal n, unoccluded."""
-    if environment.sharp.shape[0] == 1:
-        return environment.sharp[0, 0, 0], environment.sharp[0, 0, 1], environment.sharp[0, 0, 2]
-    return irradiance(environment.irradiance, nx, ny, nz)
+    if sharp.shape[1] == 1:
+        return sharp[0, 0, 0, 0], sharp[0, 0, 0, 1], sharp[0, 0, 0, 2]
+    return irradiance(harmonics, nx, ny, nz)
 
 
 @kernel
@@ -71,10 +71,24 @@ def composite(rows, surfaces, materials, camera, background, direct, visibility,
     camera (5, 3): eye, right * tan_half_x, up * tan_half_y, forward, (orthographic, 1 / width, 1 / height) with rows counted
     along the picture; background: whether the dome is seen; reflection_mask (rows,) 0 where the dome stands in.
     """
+    # Out of the loop: a tuple's array costs a reference count every time it is taken out.
+    at_object_id = surfaces.object_id
+    at_material_id = surfaces.material_id
+    at_base_color = surfaces.base_color
+    at_emissive = surfaces.emissive
+    at_transmission = surfaces.transmission
+    at_alpha = surfaces.alpha
+    at_normal = surfaces.normal
+    at_position = surfaces.position
+    at_metallic = surfaces.metallic
+    at_roughness = surfaces.roughness
+    dome_sharp = environment.sharp
+    dome_blurred = environment.blurred
+    dome_irradiance = environment.irradiance
     lights = direct.shape[1]
     width = int(f32(1.0) / camera[4, 1] + f32(0.5))
     for row in rows:
-        if surfaces.object_id[row] == 0:
+        if at_object_id[row] == 0:
             if not background:
                 image[row, 0] = f32(0.0)
                 image[row, 1] = f32(0.0)
@@ -88,34 +102,34 @@ def composite(rows, surfaces, materials, camera, background, direct, visibility,
             dy = camera[3, 1] + camera[1, 1] * sx + camera[2, 1] * sy
             dz = camera[3, 2] + camera[1, 2] * sx + camera[2, 2] * sy
             scale = f32(1.0) / math.sqrt(dx * dx + dy * dy + dz * dz)
-            r, g, b = environment_radiance(environment.sharp, environment.blurred, dx * scale, dy * scale, dz * scale, f32(0.0))
+            r, g, b = environment_radiance(dome_sharp, dome_blurred, dx * scale, dy * scale, dz * scale, f32(0.0))
             image[row, 0], image[row, 1], image[row, 2] = r * exposure, g * exposure, b * exposure
             continue
-        material = materials[surfaces.material_id[row]]
-        red, green, blue = surfaces.base_color[row, 0], surfaces.base_color[row, 1], surfaces.base_color[row, 2]
-        out_r, out_g, out_b = surfaces.emissive[row, 0], surfaces.emissive[row, 1], surfaces.emissive[row, 2]
-        transmission = surfaces.transmission[row]
-        alpha = surfaces.alpha[row]
+        material = materials[at_material_id[row]]
+        red, green, blue = at_base_color[row, 0], at_base_color[row, 1], at_base_color[row, 2]
+        out_r, out_g, out_b = at_emissive[row, 0], at_emissive[row, 1], at_emissive[row, 2]
+        transmission = at_transmission[row]
+        alpha = at_alpha[row]
         if material.unlit == 0:
-            nx, ny, nz = surfaces.normal[row, 0], surfaces.normal[row, 1], surfaces.normal[row, 2]
+            nx, ny, nz = at_normal[row, 0], at_normal[row, 1], at_normal[row, 2]
             if camera[4, 0] > f32(0.0):
                 vx, vy, vz = -camera[3, 0], -camera[3, 1], -camera[3, 2]
             else:
-                vx = camera[0, 0] - surfaces.position[row, 0]
-                vy = camera[0, 1] - surfaces.position[row, 1]
-                vz = camera[0, 2] - surfaces.position[row, 2]
+                vx = camera[0, 0] - at_position[row, 0]
+                vy = camera[0, 1] - at_position[row, 1]
+                vz = camera[0, 2] - at_position[row, 2]
                 scale = f32(1.0) / math.sqrt(vx * vx + vy * vy + vz * vz + f32(1e-20))
                 vx, vy, vz = vx * scale, vy * scale, vz * scale
             n_dot_v = nx * vx + ny * vy + nz * vz
             n_v = min(max(abs(n_dot_v), f32(1e-3)), f32(1.0))
-            metallic, roughness = surfaces.metallic[row], surfaces.roughness[row]
+            metallic, roughness = at_metallic[row], at_roughness[row]
             fr, fg, fb = reflectance(material, metallic, roughness, transmission, red, green, blue, n_v, material.ior)
             for k in range(lights):
                 v = visibility[row, k]
                 out_r += direct[row, k, 0] * v
                 out_g += direct[row, k, 1] * v
                 out_b += direct[row, k, 2] * v
-            ar, ag, ab = ambient_light(environment, nx, ny, nz)
+            ar, ag, ab = ambient_light(dome_sharp, dome_irradiance, nx, ny, nz)
             body = (f32(1.0) - metallic) * (f32(1.0) - transmission) * ao[row]
             out_r += (f32(1.0) - fr) * body * red * ar
             out_g += (f32(1.0) - fg) * body * green * ag
@@ -123,7 +137,7 @@ def composite(rows, surfaces, materials, camera, background, direct, visibility,
             if reflection_mask[row] == 0:
                 twice = f32(2.0) * n_dot_v
                 r, g, b = environment_radiance(
-                    environment.sharp, environment.blurred, twice * nx - vx, twice * ny - vy, twice * nz - vz, roughness
+                    dome_sharp, dome_blurred, twice * nx - vx, twice * ny - vy, twice * nz - vz, roughness
                 )
                 r, g, b = r * ao[row], g * ao[row], b * ao[row]
             else:

@@ -22,8 +22,8 @@ def cube_texel(x, y, z):
         return 1, -z / ax, -y / ax
     if ay >= az:
         if y > f32(0.0):
-            return 2, -x / ay, -z / ay
-        return 3, -x / ay, z / ay
+            return 2, x / ay, -z / ay
+        return 3, x / ay, z / ay
     if z > f32(0.0):
         return 4, -x / az, -y / az
     return 5, x / az, -y / az

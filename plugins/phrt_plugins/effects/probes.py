@@ -33,13 +33,15 @@ class Probes:
         low, high = frame.world.object_bounds()
         wanted = np.flatnonzero(objects & (frame.world.triangle_count > 0))
         self._centres, self._probe_of = spread(low, high, wanted, MAX_PROBES)
-        near = np.linalg.norm(high - low, axis=1) / 2
+        # The object itself must not be in its own probe: single-sided ones are culled from inside, others cut by the near plane.
+        two_sided = frame.world.object_has(frame.world.materials["double_sided"] != 0)
+        near = np.where(two_sided, (high - low).min(axis=1) * 0.49, 0.01)
         owner = [int(wanted[np.argmin(np.linalg.norm((low + high)[wanted] / 2 - c, axis=1))]) for c in self._centres]
         self._cubes = np.zeros((max(len(self._centres), 1), 6, self._size, self._size, 3), np.float32)
         self._shadows.prepare(frame)
         for index, centre in enumerate(self._centres):
             for face, view in enumerate(face_views(centre, self._size, max(float(near[owner[index]]), 0.01))):
-                gbuffer = frame.producer.render(view)
+                gbuffer = frame.producer.render(view, opaque_only=True)
                 rows = all_rows(self._size**2)
                 visibility = self._shadows.visibility_of(frame, surface_arrays(gbuffer), rows)
                 image = shade_flat(frame, gbuffer, view, rows, visibility)
