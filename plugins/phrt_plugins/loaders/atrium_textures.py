@@ -140,7 +140,7 @@ def floor_tiles(noise: Noise) -> Array:
 def floor_roughness(noise: Noise) -> Array:
     """Metallic-roughness of `floor_tiles`: worn tiles shine more than their joints."""
     clear, dark = tile_layout()
-    rough = 0.42 + 0.06 * noise.field(power=1.8) - 0.08 * dark
+    rough = 0.5 + 0.04 * np.clip(noise.field(power=1.8), -2.0, 2.0) - 0.05 * dark
     pixels = np.zeros((SIZE, SIZE, 4), dtype=np.uint8)
     pixels[..., 1] = np.clip(255 * (rough * clear + 0.9 * (1 - clear)), 0, 255)
     pixels[..., 3] = 255
