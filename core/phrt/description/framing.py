@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from itertools import product
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from phrt.scene import Dome, Scene, SceneCamera, SceneLight, SceneNode
 log = logging.getLogger("phrt")
 
 FOV_Y = math.radians(45.0)
+MARGIN = 1.06
+"""How much wider the framed view is than the bounds."""
+
 FRAMED_FROM = (0.55, 0.35, 1.0)
 """Direction from the middle of the scene to the default camera: in front, a little right and above."""
 
@@ -27,15 +31,24 @@ def add_camera(scene: Scene) -> None:
     if scene.cameras:
         return
     low, high = bounds(scene)
-    centre, radius = (low + high) / 2, max(float(np.linalg.norm(high - low)) / 2, 1e-6)
+    centre = (low + high) / 2
     towards = np.array(FRAMED_FROM) / np.linalg.norm(FRAMED_FROM)
-    distance = radius / math.sin(FOV_Y / 2) * 1.02
+    distance = framing_distance(low, high, towards)
     eye = centre + towards * distance
     node = _node(scene, "/DefaultCamera", look_at(tuple(eye.tolist()), tuple(centre.tolist())))
     # Aspect 1: a picture higher than wide sees as much as a square one.
     lens = CameraLens("DefaultCamera", FOV_Y, near=distance * 1e-3, far=math.inf, aspect=1.0)
     scene.cameras.append(SceneCamera("/DefaultCamera", node, lens))
     log.info("%s has no camera; one was added that sees all of it", scene.name)
+
+
+def framing_distance(low: np.ndarray, high: np.ndarray, towards: np.ndarray) -> float:
+    """Metres from the middle of a box, in unit direction `towards`, from where a square picture just holds its corners."""
+    half = np.maximum((high - low) / 2, 1e-6)
+    corners = half * np.array(list(product((-1, 1), repeat=3)))
+    axes = look_at(tuple(towards.tolist()), (0.0, 0.0, 0.0))[:3, :3]
+    x, y, z = (corners @ axes).T
+    return float((np.maximum(np.abs(x), np.abs(y)) * MARGIN / math.tan(FOV_Y / 2) + z).max())
 
 
 def add_lights(scene: Scene) -> None:
