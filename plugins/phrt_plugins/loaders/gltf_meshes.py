@@ -57,9 +57,9 @@ class MeshLibrary:
         if part.targets:
             with np.errstate(all="ignore"):
                 self._morph(posed, weights)
-        self._check_directions(posed)
         if joints is not None:
             skin_part(self.document, posed, joints)
+        self._check_directions(posed)
         return posed
 
     def _morph(self, part: Part, weights: Sequence[float]) -> None:
