@@ -57,7 +57,7 @@ def test_normalised_texture_coordinates(build, load, dtype, values, expected):
 
 @pytest.mark.parametrize(("dtype", "one"), [("int8", 127), ("int16", 32767)])
 def test_quantised_positions_and_normals(build, load, dtype, one):
-    """KHR_mesh_quantization: plain integers are lengths, normalised ones fractions; the lowest value is -1, not below."""
+    """KHR_mesh_quantization: plain integers are lengths, normalised ones fractions; the lowest value is -1."""
     width = 4
     padded = np.zeros((3, width), dtype)
     padded[:, :3] = [[0, 0, 0], [100, 0, 0], [0, -100, 0]]

@@ -50,7 +50,7 @@ def test_glb_is_known_by_its_magic(build, load):
 def test_broken_glb_says_what_is_broken(tmp_path, load, data, reason):
     path = tmp_path / "broken.glb"
     path.write_bytes(data)
-    with pytest.raises(AssetError, match="broken.glb: GLB") as error:
+    with pytest.raises(AssetError, match=r"broken\.glb: GLB") as error:
         load(path)
     assert reason in str(error.value)
 
@@ -78,7 +78,7 @@ def test_broken_glb_says_what_is_broken(tmp_path, load, data, reason):
 def test_broken_json_says_what_is_broken(tmp_path, load, text, reason):
     path = tmp_path / "broken.gltf"
     path.write_bytes(text)
-    with pytest.raises(AssetError, match="broken.gltf") as error:
+    with pytest.raises(AssetError, match=r"broken\.gltf") as error:
         load(path)
     assert reason in str(error.value)
 
