@@ -15,7 +15,7 @@ from phrt.errors import PluginError
 from phrt.model import Material, Mesh
 from phrt.world import World
 from phrt_backends.gbuffers.moderngl_context import gl_info, moderngl_reason, open_context
-from phrt_backends.gbuffers.moderngl_layout import layout_for
+from phrt_backends.gbuffers.moderngl_layout import MATERIAL_CHANNELS, layout_for
 from phrt_backends.gbuffers.moderngl_options import ModernglOptions
 from phrt_backends.gbuffers.moderngl_producer import KEPT_TARGETS, ModernglProducer
 
@@ -56,12 +56,14 @@ def test_a_device_that_is_not_there_is_an_error_that_says_what_to_install() -> N
         open_context(999)
 
 
+@pytest.mark.parametrize("varying", [frozenset(), frozenset({"base_color"}), frozenset(MATERIAL_CHANNELS)])
 @pytest.mark.parametrize("count", range(1, len(CHANNELS) + 1))
-def test_any_number_of_channels_fits_eight_attachments(count: int) -> None:
+def test_any_number_of_channels_fits_few_attachments(count: int, varying: frozenset[str]) -> None:
     names = list(CHANNELS)
     for start in range(len(names)):
-        layout = layout_for(frozenset((names + names)[start : start + count]))
-        assert len(layout.floats) + layout.code <= 8
+        layout = layout_for(frozenset((names + names)[start : start + count]), varying)
+        assert len(layout.attachments) <= 5
+        assert all(attachment.components <= 4 for attachment in layout.attachments)
         assert len(layout.channels) == count
 
 

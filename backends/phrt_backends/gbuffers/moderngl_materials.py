@@ -15,7 +15,6 @@ from phrt_backends.gbuffers.moderngl_shaders import SAMPLERS
 BLOCK_BYTES = 256
 """A row of the uniform buffer: the block's 208 bytes at the largest offset alignment OpenGL may ask for."""
 SRGB8_ALPHA8 = 0x8C43
-MATERIAL_CHANNELS = frozenset({"base_color", "metallic", "roughness", "transmission", "emissive"})
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ class MaterialSet:
         self._upload(world)
 
     def state(self, row: int, channels: frozenset[str]) -> DrawState:
-        """What material `row` needs bound when `channels` are drawn."""
+        """What material `row` needs bound when `channels` (`Layout.drawn`) are drawn."""
         material = self._materials[row]
         masked, blended = material["alpha_mode"] == ALPHA_MASK, material["alpha_mode"] == ALPHA_BLEND
         unlit = bool(material["unlit"]) and "emissive" in channels
@@ -73,10 +72,17 @@ class MaterialSet:
         units = list(SAMPLERS)
         return DrawState(
             features=features,
-            block=row if features or MATERIAL_CHANNELS & channels else -1,
+            block=row if features or channels - {"alpha", "normal_world"} else -1,
             double_sided=bool(material["double_sided"]),
             textures=tuple((units.index(slot), int(material[slot])) for slot in slots),
         )
+
+    def constant(self, channel: str) -> np.ndarray:
+        """(materials, components) float32: the values of a channel that is not in `varying_channels`."""
+        fields = ["emissive_r", "emissive_g", "emissive_b"] if channel == "emissive" else [channel]
+        if channel == "alpha":
+            return np.ones((len(self._materials), 1), np.float32)
+        return np.stack([self._materials[field] for field in fields], axis=1).astype(np.float32)
 
     def bind(self, state: DrawState) -> None:
         """Bind the uniform block and the textures of `state`."""
@@ -130,6 +136,21 @@ class MaterialSet:
         else:
             filters = (gl.LINEAR_MIPMAP_LINEAR if mipmaps else gl.LINEAR, gl.LINEAR)
         return gl.sampler(repeat_x=repeat_s, repeat_y=repeat_t, filter=filters)
+
+
+def varying_channels(world: World) -> frozenset[str]:
+    """The material channels that some material in use does not give one value all over. Base colour always counts: its
+    clear value is not the default material's."""
+    materials = world.materials[world.object_materials.any(axis=0)]
+    reasons = {
+        "base_color": True,
+        "alpha": (materials["alpha_mode"] == ALPHA_BLEND).any(),
+        "metallic": (materials["metallic_roughness_texture"] != NO_TEXTURE).any(),
+        "roughness": (materials["metallic_roughness_texture"] != NO_TEXTURE).any(),
+        "transmission": (materials["transmission_texture"] != NO_TEXTURE).any(),
+        "emissive": ((materials["emissive_texture"] != NO_TEXTURE) | (materials["unlit"] != 0)).any(),
+    }
+    return frozenset(name for name, varies in reasons.items() if varies)
 
 
 def _block_rows(world: World) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 Works on a GPU and on Mesa's llvmpipe. One pass draws into as many float32 attachments as the requested channels need
 (`moderngl_layout`), with a shader variant per set of channels and material features; nothing that was not asked for is
-computed or read back. `("depth",)` alone draws positions into one float: the fast path of shadow maps.
+drawn or read back. `("depth",)` alone draws positions into one float: the fast path of shadow maps.
 
 Row 0 of our pictures is the top one and OpenGL's the bottom one, so the projection is flipped in y; front faces are
 then clockwise on the screen.
@@ -30,12 +30,14 @@ from phrt.buffers import BufferPool
 from phrt.camera import CameraView
 from phrt.channels import CHANNELS, GBuffer
 from phrt.interfaces.gbuffer import GBufferProducer
+from phrt.kernels.motion import motion_vectors
 from phrt.world import Changes, World
 from phrt_backends.gbuffers.moderngl_context import ThreadGuard, open_context
 from phrt_backends.gbuffers.moderngl_geometry import DrawGeometry, Visible
 from phrt_backends.gbuffers.moderngl_layout import Layout, checked_channels, layout_for, unpack
-from phrt_backends.gbuffers.moderngl_materials import DrawState, MaterialSet
+from phrt_backends.gbuffers.moderngl_materials import DrawState, MaterialSet, varying_channels
 from phrt_backends.gbuffers.moderngl_options import ModernglOptions
+from phrt_backends.gbuffers.moderngl_resolve import CODE_BITS, resolve_constants, resolve_normals, resolve_points
 from phrt_backends.gbuffers.moderngl_shaders import SAMPLERS, fragment_source, vertex_source
 
 FLIP_Y = np.diag([1.0, -1.0, 1.0, 1.0])
@@ -49,7 +51,6 @@ class Target:
     framebuffer: Any
     resources: list[Any]
     packed: list[np.ndarray]
-    codes: np.ndarray | None
 
 
 @dataclass
@@ -96,6 +97,7 @@ class ModernglProducer(GBufferProducer):
         self._variants: dict[tuple[frozenset[str], Layout], Variant] = {}
         self._states: dict[frozenset[str], tuple[list[DrawState], np.ndarray]] = {}
         self._past: dict[bool, Past] = {}
+        self._varying: frozenset[str] = frozenset()
         self._buffers = BufferPool()
         self._renders = 0
 
@@ -104,6 +106,7 @@ class ModernglProducer(GBufferProducer):
         with self._current():
             self._release_world()
             self._world = world
+            self._varying = varying_channels(world)
             if len(world.triangles):
                 self._geometry = DrawGeometry(self._gl, world)
                 self._materials = MaterialSet(self._gl, world)
@@ -127,18 +130,18 @@ class ModernglProducer(GBufferProducer):
         Raises `ValueError` for unknown channels or before `build`.
         """
         wanted = checked_channels(channels)
-        layout = layout_for(wanted)
         with self._current():
             if self._world is None:
                 raise ValueError("the moderngl producer was asked to render before build(world)")
+            layout = layout_for(wanted, self._varying)
             target = self._target(view.width, view.height, layout)
             target.framebuffer.use()
             target.framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=1.0)
             if self._geometry is not None:
                 self._draw(view, layout, opaque_only)
             buffer = self._read(view, layout, target)
-            if "motion" in wanted:
-                self._past[opaque_only] = Past(_steady_clip(view), self._world.object_matrix.copy())
+        if "motion" in wanted:
+            self._motion(view, buffer, target.packed[0], opaque_only)
         return buffer
 
     def gl_error(self) -> str:
@@ -194,21 +197,14 @@ class ModernglProducer(GBufferProducer):
         if not len(visible.clusters):
             return
         clip = FLIP_Y @ _tightened(view, visible).clip_from_world()
-        now = _steady_clip(view)
-        moved, before = (
-            self._earlier(now, opaque_only)
-            if "motion" in layout.channels
-            else (np.zeros(len(world.object_opaque), np.int32), [now])
-        )
         states, state_of_material = self._draw_states(layout)
 
         # Neighbouring clusters that need the same state are one draw. Drawing near ones first was measured: on llvmpipe
         # the extra changes of state cost more (10 ms of 67) than the hidden pixels that are not shaded bring.
         clusters = visible.clusters
         state = state_of_material[geometry.cluster_material[clusters]]
-        group = moved[geometry.cluster_object[clusters]]
         first, rows = geometry.cluster_first[clusters], geometry.cluster_rows[clusters]
-        cut = (np.diff(state) != 0) | (np.diff(group) != 0) | (first[1:] != first[:-1] + rows[:-1])
+        cut = (np.diff(state) != 0) | (first[1:] != first[:-1] + rows[:-1])
         starts = np.concatenate([[0], np.flatnonzero(cut) + 1])
         counts = np.add.reduceat(rows, starts)
 
@@ -225,35 +221,16 @@ class ModernglProducer(GBufferProducer):
                 if variant.view_set != self._renders:
                     variant.view_set = self._renders
                     variant.put_matrix("clip_from_world", clip)
-                    variant.put_matrix("clip_from_world_now", now)
                     variant.put("depth_row", tuple(float(x) for x in depth_row))
-                    variant.put("half_size", (view.width / 2, view.height / 2))
                 if culls == states[bound_state].double_sided:
                     culls = not culls
                     (gl.enable if culls else gl.disable)(gl.CULL_FACE)
-            if "motion" in layout.channels:
-                variant.put_matrix("clip_from_world_before", before[group[start]])
             variant.put("first_row", int(first[start]))
             variant.vertex_array.render(gl.TRIANGLES, vertices=3 * count, first=3 * int(first[start]))
 
-    def _earlier(self, now: np.ndarray, opaque_only: bool) -> tuple[np.ndarray, list[np.ndarray]]:
-        """(N + 1,) int32 index of every object into a list of matrices that bring present world points to where they
-        were on the previous picture; 0 for all that stood still."""
-        assert self._world is not None
-        current = self._world.object_matrix
-        index = np.zeros(len(current), np.int32)
-        past = self._past.get(opaque_only)
-        if past is None:
-            return index, [now]
-        matrices = [past.clip_from_world]
-        for object_id in np.flatnonzero((past.object_matrix != current).any(axis=(1, 2))):
-            index[object_id] = len(matrices)
-            matrices.append(past.clip_from_world @ past.object_matrix[object_id] @ np.linalg.pinv(current[object_id]))
-        return index, matrices
-
     def _draw_states(self, layout: Layout) -> tuple[list[DrawState], np.ndarray]:
         """The distinct states of all materials for `layout`, and (materials,) which one each needs."""
-        channels = frozenset(layout.channels)
+        channels = layout.drawn
         if channels not in self._states:
             assert self._materials is not None
             assert self._world is not None
@@ -302,16 +279,13 @@ class ModernglProducer(GBufferProducer):
 
     def _new_target(self, width: int, height: int, layout: Layout) -> Target:
         gl, size = self._gl, (width, height)
-        colors = [gl.texture(size, attachment.components, dtype="f4") for attachment in layout.floats]
-        packed = [np.empty((width * height, attachment.components), np.float32) for attachment in layout.floats]
-        codes = None
-        if layout.code:
-            colors.append(gl.texture(size, 1, dtype="u4"))
-            codes = np.empty(width * height, np.uint32)
+        colors = [gl.texture(size, attachment.components, dtype="f4") for attachment in layout.attachments]
+        packed = [np.empty((width * height, attachment.components), np.float32) for attachment in layout.attachments]
         depth = gl.depth_renderbuffer(size)
-        return Target(gl.framebuffer(colors, depth), [*colors, depth], packed, codes)
+        return Target(gl.framebuffer(colors, depth), [*colors, depth], packed)
 
     def _read(self, view: CameraView, layout: Layout, target: Target) -> GBuffer:
+        """Read the attachments of `target` and turn them into the channels of `layout`, motion excepted."""
         buffer = GBuffer(view.width, view.height)
         for name in layout.channels:
             channel = CHANNELS[name]
@@ -319,47 +293,76 @@ class ModernglProducer(GBufferProducer):
                 (view.height, view.width) if channel.components == 1 else (view.height, view.width, channel.components)
             )
             buffer.arrays[name] = self._buffers.take(shape, channel.dtype)
-        for i, (attachment, packed) in enumerate(zip(layout.floats, target.packed, strict=True)):
+        for i, (attachment, packed) in enumerate(zip(layout.attachments, target.packed, strict=True)):
             target.framebuffer.read_into(
                 packed, components=attachment.components, attachment=i, alignment=1, dtype="f4"
             )
             for name, first in attachment.parts:
-                unpack(name, first, packed, buffer.flat(name))
-        if target.codes is not None:
-            target.framebuffer.read_into(
-                target.codes, components=1, attachment=len(layout.floats), alignment=1, dtype="u4"
-            )
-            self._look_up(target.codes, buffer)
+                if name == "inverse_depth":
+                    with np.errstate(divide="ignore"):
+                        np.divide(np.float32(1.0), packed[:, 0], out=buffer.flat("depth"))
+                elif name == "point":
+                    self._resolve_points(view, layout, packed, buffer)
+                elif name == "normal_uv":
+                    bits = target.packed[0].view(np.uint32)
+                    resolve_normals(packed, bits, _flat_or_none(buffer, "normal_world"), _flat_or_none(buffer, "uv"))
+                else:
+                    unpack(name, first, packed, buffer.flat(name))
         return buffer
 
-    def _look_up(self, codes: np.ndarray, buffer: GBuffer) -> None:
-        """Ids and geometric normals from codes (pixels,) uint32."""
-        geometry = self._geometry
-        if geometry is None:
-            for name in buffer.arrays.keys() & {"object_id", "primitive_id", "material_id", "normal_geometric_world"}:
-                buffer.arrays[name].fill(CHANNELS[name].clear)
+    def _resolve_points(self, view: CameraView, layout: Layout, packed: np.ndarray, buffer: GBuffer) -> None:
+        """Position, depth, ids, triangle normals and what is one value a material, from packed (pixels, 4)."""
+        geometry, materials = self._geometry, self._materials
+        if geometry is None or materials is None:
+            for name, array in buffer.arrays.items():
+                array.fill(CHANNELS[name].clear)
             return
-        rows = (codes >> np.uint32(1)).astype(np.intp)
-        tables = {
-            "object_id": geometry.row_object,
-            "primitive_id": geometry.row_primitive,
-            "material_id": geometry.row_material,
-        }
-        for name in tables.keys() & buffer.arrays.keys():
-            np.take(tables[name], rows, out=buffer.flat(name), mode="clip")
-        if "normal_geometric_world" in buffer.arrays:
-            np.take(
-                geometry.code_normal,
-                codes.astype(np.intp),
-                axis=0,
-                out=buffer.flat("normal_geometric_world"),
-                mode="clip",
-            )
+        material_id = _flat_or_none(buffer, "material_id")
+        if layout.constants and not len(material_id):
+            material_id = self._buffers.take((view.width * view.height,), np.uint32)
+        resolve_points(
+            packed,
+            packed.view(np.uint32),
+            view.world_from_view[:3, 3].astype(np.float32),
+            -view.world_from_view[:3, 2].astype(np.float32),
+            geometry.row_object,
+            geometry.row_primitive,
+            geometry.row_material,
+            geometry.code_normal,
+            _flat_or_none(buffer, "position_world"),
+            _flat_or_none(buffer, "depth"),
+            _flat_or_none(buffer, "object_id"),
+            _flat_or_none(buffer, "primitive_id"),
+            material_id,
+            _flat_or_none(buffer, "normal_geometric_world"),
+        )
+        for name in layout.constants:
+            resolve_constants(material_id, materials.constant(name), buffer.flat(name).reshape(len(material_id), -1))
+
+    def _motion(self, view: CameraView, buffer: GBuffer, packed: np.ndarray, opaque_only: bool) -> None:
+        """Fill `motion` from packed (pixels, 4), points with codes, and remember this picture for the next."""
+        assert self._world is not None
+        clip, matrix = view.with_jitter(0.0, 0.0).clip_from_world().astype(np.float32), self._world.object_matrix
+        past = self._past.get(opaque_only)
+        self._past[opaque_only] = Past(clip, matrix.copy())
+        moved = np.zeros(len(matrix), bool) if past is None else (past.object_matrix != matrix).any(axis=(1, 2))
+        if past is None or self._geometry is None or not (moved.any() or (past.clip_from_world != clip).any()):
+            buffer.motion.fill(0.0)
+            return
+        delta = np.tile(np.eye(4, dtype=np.float32), (len(matrix), 1, 1))
+        for object_id in np.flatnonzero(moved):
+            delta[object_id] = past.object_matrix[object_id] @ np.linalg.pinv(matrix[object_id])
+        object_id = self._geometry.row_object[(packed[:, 3].view(np.uint32) & CODE_BITS) >> np.uint32(1)]
+        size = np.array([view.width, view.height], np.float32)
+        motion_vectors(packed, object_id, delta, clip, past.clip_from_world, size, buffer.flat("motion"))
 
 
-def _steady_clip(view: CameraView) -> np.ndarray:
-    """(4, 4) float64 clip_from_world without jitter, y down: what motion is measured with."""
-    return FLIP_Y @ view.with_jitter(0.0, 0.0).clip_from_world()
+def _flat_or_none(buffer: GBuffer, name: str) -> np.ndarray:
+    """Channel `name` with its pixels in one row, or an array of length 0 where it was not asked for."""
+    if name in buffer.arrays:
+        return buffer.flat(name)
+    channel = CHANNELS[name]
+    return np.empty(0 if channel.components == 1 else (0, channel.components), channel.dtype)
 
 
 def _tightened(view: CameraView, visible: Visible) -> CameraView:

@@ -3,7 +3,7 @@ what the requested channels do not use."""
 
 from __future__ import annotations
 
-from phrt_backends.gbuffers.moderngl_layout import Layout, output_declarations, output_statements
+from phrt_backends.gbuffers.moderngl_layout import CODE_TAG, Layout, output_declarations, output_statements
 
 SAMPLERS = {
     "base_color_texture": "BASE_COLOR_MAP",
@@ -77,9 +77,6 @@ uniform sampler2D normal_texture;
 uniform sampler2D emissive_texture;
 uniform sampler2D transmission_texture;
 uniform int first_row;
-uniform mat4 clip_from_world_now;
-uniform mat4 clip_from_world_before;
-uniform vec2 half_size;
 
 in vec3 v_position;
 in vec3 v_normal;
@@ -135,9 +132,8 @@ vec4 look_up(sampler2D map, int slot) {{
 #endif
 }}
 
-vec2 pixel_of(mat4 clip_from_world) {{
-    vec4 clip = clip_from_world * vec4(v_position, 1.0);
-    return clip.xy / clip.w * half_size;
+float tagged_code() {{
+    return uintBitsToFloat({code_tag}u + uint(first_row + gl_PrimitiveID + 1) * 2u + (gl_FrontFacing ? 0u : 1u));
 }}
 
 void main() {{
@@ -187,10 +183,12 @@ void main() {{
 #ifdef UNLIT
     emissive = base;
 #endif
-#ifdef MOTION
-    // The same sum twice, so that what stands still moves by exactly nothing.
-    vec2 motion = pixel_of(clip_from_world_before) - pixel_of(clip_from_world_now);
-#endif
+
+    // The unit sphere folded onto a square.
+    vec2 folded = normal.xy / (abs(normal.x) + abs(normal.y) + abs(normal.z));
+    if (normal.z < 0.0) {{
+        folded = (1.0 - abs(folded.yx)) * vec2(folded.x < 0.0 ? -1.0 : 1.0, folded.y < 0.0 ? -1.0 : 1.0);
+    }}
 
 {statements}
 }}
@@ -205,7 +203,8 @@ def vertex_source(features: frozenset[str]) -> str:
 def fragment_source(features: frozenset[str], layout: Layout) -> str:
     """GLSL of the fragment shader with `features` defined, writing the attachments of `layout`."""
     return FRAGMENT.format(
-        defines=_defines(features | ({"MOTION"} if "motion" in layout.channels else frozenset())),
+        defines=_defines(features),
+        code_tag=CODE_TAG,
         outputs=output_declarations(layout),
         statements=output_statements(layout),
     )
