@@ -82,9 +82,10 @@ def run(arguments: list[str]) -> int:
     session.warned.clear()
     with tidy_warnings():
         try:
-            app(arguments)
-        except SystemExit as leaving:
-            return exit_code(leaving)
+            code = leaving_code(arguments)
+            # Only now does what was printed meet a reader that may have left.
+            sys.stdout.flush()
+            return code
         except InputError as error:
             return complain(str(error), INPUT_WRONG)
         except KeyboardInterrupt:
@@ -96,14 +97,17 @@ def run(arguments: list[str]) -> int:
         except Exception as error:
             advice = "" if session.debug else " (--debug shows where)"
             return complain(f"internal error: {type(error).__name__}: {error}{advice}", OUR_FAULT)
-    return 0
 
 
-def exit_code(leaving: SystemExit) -> int:
-    """The code of a SystemExit as Python's own exit would give it."""
-    if leaving.code is None or isinstance(leaving.code, int):
+def leaving_code(arguments: list[str]) -> int:
+    """Run the command, and return the code that it leaves with."""
+    try:
+        app(arguments)
+    except SystemExit as leaving:
+        if isinstance(leaving.code, str):
+            return complain(leaving.code, OUR_FAULT)
         return leaving.code or 0
-    return complain(str(leaving.code), OUR_FAULT)
+    return 0
 
 
 def complain(text: str, code: int) -> int:

@@ -1,0 +1,354 @@
+"""Plugins: loaded one by one, found by name, refused with a reason."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Literal
+
+import pytest
+from pydantic import Field
+
+from phrt.errors import OptionError, PhrtWarning, PluginError
+from phrt.registry import HeuristicPlugin, LoaderPlugin, Options, Registry, TracerPlugin, get_registry, hookimpl
+from phrt.registry.local import register_source
+from phrt.registry.manager import KINDS
+
+
+class KnobOptions(Options):
+    samples: int = Field(4, ge=1, le=64, description="rays per pixel")
+    mode: Literal["none", "probe"] = Field("none", description="what else")
+    radius: float = Field(1.0, gt=0, description="metres")
+
+
+class Made:
+    def __init__(self, options: Options, **dependencies: object) -> None:
+        self.options, self.dependencies = options, dependencies
+
+
+class Failing:
+    def __init__(self, options: Options) -> None:
+        raise RuntimeError("the device is on fire")
+
+
+def tracer(name: str, factory: str = f"{__name__}:Made", **more: Any) -> TracerPlugin:
+    return TracerPlugin(name=name, summary="a tracer", factory=factory, **more)
+
+
+def module(name: str, **members: object) -> ModuleType:
+    """A plugin module that is importable under `name` until the test ends."""
+    made = ModuleType(name)
+    vars(made).update(members)
+    return made
+
+
+def hooks(*plugins: Any, hook: str = "phrt_tracers") -> dict[str, object]:
+    """The hook function that returns `plugins`, as a module member."""
+
+    def function() -> list[Any]:
+        return list(plugins)
+
+    function.__name__ = hook
+    return {hook: hookimpl(function)}
+
+
+@pytest.fixture
+def install(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Offers modules as entry points: install({"package": module}) -> a registry that loaded them in that order."""
+
+    def load(packages: dict[str, ModuleType | str], registry: Registry | None = None) -> Registry:
+        registry = registry or Registry()
+        points = []
+        for name, plugin in packages.items():
+            if isinstance(plugin, ModuleType):
+                monkeypatch.setitem(sys.modules, plugin.__name__, plugin)
+            points.append(EntryPoint(name, plugin if isinstance(plugin, str) else plugin.__name__, "phrt"))
+        registry.load_entry_points(points)
+        return registry
+
+    return load
+
+
+# Finding and making
+
+
+def test_built_in_plugins_are_all_there() -> None:
+    names = {kind: get_registry().names(kind) for kind in KINDS}
+    assert names["gbuffer"] == ["moderngl", "raycast"]
+    assert names["tracer"] == ["embree", "numpy", "open3d"]
+    assert names["effect"] == ["shadows", "reflections", "refractions", "ambient_occlusion"]
+    assert names["heuristic"] == ["all_trace", "raster_only"]
+    assert names["loader"] == ["atrium", "gltf", "mesh"]
+    assert get_registry().broken == []
+
+
+def test_every_built_in_option_says_what_it_means() -> None:
+    silent = [
+        f"{entry.kind} {entry.name} {option}"
+        for entry in get_registry().plugins()
+        for option, field in entry.plugin.options.model_fields.items()
+        if not field.description
+    ]
+    assert not silent
+
+
+@pytest.mark.parametrize("entry", get_registry().plugins(), ids=lambda entry: f"{entry.kind}-{entry.name}")
+def test_every_built_in_factory_can_be_imported_where_it_is_available(entry: Any) -> None:
+    from phrt.registry.manager import import_factory
+
+    if reason := entry.unavailable_reason():
+        pytest.skip(reason)
+    assert isinstance(import_factory(entry.name, entry), type)
+
+
+def test_an_unknown_name_is_answered_with_the_nearest() -> None:
+    with pytest.raises(PluginError, match=r"no tracer 'embre'. Known: embree, numpy, open3d. Did you mean 'embree'\?"):
+        get_registry().get("tracer", "embre")
+
+
+def test_an_unknown_kind_is_answered_with_the_nearest() -> None:
+    with pytest.raises(PluginError, match=r"no kind of plugin 'tracers'.*Did you mean 'tracer'\?"):
+        get_registry().get("tracers", "embree")
+
+
+def test_loaders_are_found_by_suffix_in_any_case() -> None:
+    found = get_registry().loader_for(".GLB")
+    assert isinstance(found, LoaderPlugin)
+    assert found.name == "gltf"
+    assert get_registry().loader_for(".blend") is None
+
+
+def test_create_hands_over_checked_options_and_dependencies() -> None:
+    registry = Registry()
+    registry.register(tracer("mine", options=KnobOptions))
+    made = registry.create("tracer", "mine", {"samples": 8}, world="w")
+    assert made.options == KnobOptions(samples=8)
+    assert made.dependencies == {"world": "w"}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"samples": 0}, r"tracer 'mine': option 'samples' is 0, allowed: int >= 1 <= 64$"),
+        ({"samples": "x"}, r"option 'samples' is 'x', allowed: int >= 1 <= 64$"),
+        ({"mode": "prob"}, r"option 'mode' is 'prob', allowed: one of: none, probe\. Did you mean 'probe'\?"),
+        ({"radius": 0}, r"option 'radius' is 0, allowed: float > 0$"),
+        ({"sample": 2}, r"unknown option 'sample'. Its options: samples, mode, radius. Did you mean 'samples'\?"),
+        ({"samples": 0, "radius": -1}, r"(?s)option 'samples' is 0.*option 'radius' is -1"),
+    ],
+)
+def test_a_wrong_option_is_named_with_what_is_allowed(options: dict[str, object], message: str) -> None:
+    registry = Registry()
+    registry.register(tracer("mine", options=KnobOptions))
+    with pytest.raises(OptionError, match=message):
+        registry.create("tracer", "mine", options)
+
+
+def test_an_unavailable_plugin_says_why() -> None:
+    registry = Registry()
+    registry.register(tracer("mine", unavailable_reason=lambda: "install libfoo"))
+    with pytest.raises(PluginError, match="tracer 'mine' is not available here: install libfoo"):
+        registry.create("tracer", "mine")
+
+
+def test_an_availability_check_that_raises_counts_as_unavailable() -> None:
+    def broken() -> str | None:
+        raise OSError("no such device")
+
+    registry = Registry()
+    registry.register(tracer("mine", unavailable_reason=broken))
+    assert (
+        registry.find("tracer", "mine").unavailable_reason() == "its availability check failed: OSError: no such device"
+    )
+
+
+@pytest.mark.parametrize(
+    ("factory", "message"),
+    [
+        ("no_such_module_anywhere:Thing", "cannot be imported: ModuleNotFoundError"),
+        (f"{__name__}:Nothing", "cannot be imported: AttributeError"),
+        (f"{__name__}:KINDS", "is not callable"),
+        (f"{__name__}:Failing", "could not be started: RuntimeError: the device is on fire"),
+    ],
+)
+def test_a_factory_that_fails_is_a_plugin_error_with_the_cause(factory: str, message: str) -> None:
+    registry = Registry()
+    registry.register(tracer("mine", factory))
+    with pytest.raises(PluginError, match=message):
+        registry.create("tracer", "mine")
+
+
+# Broken plugins
+
+
+def test_a_plugin_that_cannot_be_imported_is_left_out_with_one_warning(install: Any) -> None:
+    good = module("good_plugin", **hooks(tracer("good")))
+    with pytest.warns(PhrtWarning, match="plugin 'bad' was left out: ModuleNotFoundError") as caught:
+        registry = install({"bad": "no_such_module_anywhere", "good": good})
+    assert len(caught) == 1
+    assert registry.names("tracer") == ["good"]
+    with pytest.raises(PluginError, match="tracer 'bad' cannot be used: plugin 'bad' is broken: ModuleNotFoundError"):
+        registry.get("tracer", "bad")
+
+
+def test_asking_for_an_unknown_name_mentions_plugins_that_are_broken(install: Any) -> None:
+    with pytest.warns(PhrtWarning):
+        registry = install({"bad": "no_such_module_anywhere"})
+    with pytest.raises(PluginError, match=r"no tracer 'fast'.*broken: plugin 'bad' was left out"):
+        registry.get("tracer", "fast")
+
+
+def test_a_plugin_whose_hook_raises_is_left_out(install: Any) -> None:
+    def phrt_tracers() -> list[TracerPlugin]:
+        raise ZeroDivisionError("oops")
+
+    bad = module("raising_plugin", phrt_tracers=hookimpl(phrt_tracers))
+    good = module("good_plugin", **hooks(tracer("good")))
+    with pytest.warns(PhrtWarning, match="'bad' was left out: ZeroDivisionError: oops"):
+        registry = install({"bad": bad, "good": good})
+    assert registry.names("tracer") == ["good"]
+
+
+def test_a_plugin_that_exits_while_it_is_imported_does_not_take_the_program_down(
+    install: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "exiting_plugin.py").write_text("raise SystemExit(3)\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.warns(PhrtWarning, match="'bad' was left out: SystemExit: 3"):
+        assert install({"bad": "exiting_plugin"}).plugins() == []
+
+
+@pytest.mark.parametrize(
+    ("members", "message"),
+    [
+        (hooks(tracer("t"), hook="phrt_tracer"), r"unknown hook 'phrt_tracer'.*Did you mean 'phrt_tracers'\?"),
+        ({"phrt_tracers": list}, "'phrt_tracers' is not marked with @hookimpl"),
+        ({}, "implements none of the hooks phrt_gbuffers, phrt_tracers"),
+        (hooks("embree"), "phrt_tracers returned 'embree', expected a list of TracerPlugin"),
+        (hooks(HeuristicPlugin("h", "", "m:C")), "expected a list of TracerPlugin"),
+        (hooks(tracer("t", api_version=99)), "'t' is written for plugin API 99, this is PHRT .* with plugin API 1"),
+        (hooks(tracer("t", "module_without_class")), "needs a name and a factory 'module:Class'"),
+        (hooks(tracer("")), "needs a name and a factory"),
+    ],
+)
+def test_a_plugin_that_breaks_the_rules_is_left_out_and_named(
+    install: Any, members: dict[str, object], message: str
+) -> None:
+    with pytest.warns(PhrtWarning, match=f"plugin 'bad' was left out: .*{message}"):
+        registry = install({"bad": module("bad_plugin", **members)})
+    assert registry.plugins() == []
+
+
+def test_a_misspelt_hook_does_not_spoil_the_plugins_that_follow(install: Any) -> None:
+    bad = module("bad_plugin", **hooks(tracer("t"), hook="phrt_tracer"))
+    good = module("good_plugin", **hooks(tracer("good")))
+    with pytest.warns(PhrtWarning):
+        registry = install({"a_bad": bad, "b_good": good})
+    assert registry.names("tracer") == ["good"]
+
+
+# Duplicates
+
+
+def test_two_packages_that_claim_a_name_both_lose_it_whatever_the_order(install: Any) -> None:
+    one = module("one_plugin", **hooks(tracer("fast"), tracer("one")))
+    two = module("two_plugin", **hooks(tracer("fast"), tracer("two")))
+    messages = []
+    for packages in ({"one": one, "two": two}, {"two": two, "one": one}):
+        with pytest.warns(PhrtWarning, match="tracer 'fast' is refused: 'one' and 'two' both claim that name"):
+            registry = install(packages)
+        assert registry.names("tracer") == ["one", "two"]
+        with pytest.raises(PluginError, match="'fast' cannot be used: 'one' and 'two' both claim") as refused:
+            registry.get("tracer", "fast")
+        messages.append(str(refused.value))
+    assert messages[0] == messages[1]
+
+
+def test_a_built_in_name_cannot_be_taken(install: Any) -> None:
+    registry = Registry()
+    registry.load_defaults()
+    thief = module("thief_plugin", **hooks(tracer("embree"), tracer("other")))
+    with pytest.warns(
+        PhrtWarning, match="'embree' of 'thief' is refused: 'phrt_backends.plugin' already has that name"
+    ):
+        install({"thief": thief}, registry)
+    assert registry.get("tracer", "embree").factory.startswith("phrt_backends.")
+    assert registry.get("tracer", "other").factory == f"{__name__}:Made"
+
+
+def test_registering_a_taken_name_by_hand_is_an_error_that_names_both(install: Any) -> None:
+    registry = Registry()
+    registry.load_defaults()
+    with pytest.raises(PluginError, match=r"'embree' of 'mine' is refused: built-in \('phrt_backends.plugin'\)"):
+        registry.register(tracer("embree"), owner="mine")
+    registry.register(tracer("mine"), owner="mine")
+    assert registry.find("tracer", "mine").origin == "registered"
+
+
+def test_the_same_owner_may_register_again() -> None:
+    registry = Registry()
+    for summary in ("first", "second"):
+        registry.register(TracerPlugin("mine", summary, f"{__name__}:Made"), owner="notebook")
+    assert registry.get("tracer", "mine").summary == "second"
+
+
+def test_objects_with_hook_methods_are_plugins_too() -> None:
+    class Plugin:
+        @hookimpl
+        def phrt_heuristics(self) -> list[HeuristicPlugin]:
+            return [HeuristicPlugin("mine", "", f"{__name__}:Made")]
+
+    registry = Registry()
+    registry.register(Plugin())
+    assert registry.find("heuristic", "mine").owner == "Plugin"
+
+
+# Local sources
+
+
+def test_a_single_file_is_a_plugin(tmp_path: Path) -> None:
+    path = tmp_path / "my_heuristic.py"
+    path.write_text(
+        "from phrt.registry import HeuristicPlugin, hookimpl\n"
+        "class Mine:\n    def __init__(self, options): self.options = options\n"
+        "@hookimpl\n"
+        "def phrt_heuristics(): return [HeuristicPlugin('from_a_file', '', f'{__name__}:Mine')]\n"
+    )
+    register_source(str(path))
+    assert type(get_registry().create("heuristic", "from_a_file")).__name__ == "Mine"
+    get_registry()._forget(str(path))
+    assert "from_a_file" not in get_registry().names("heuristic")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (None, "does not exist"),
+        ("import no_such_module_anywhere", "cannot be imported: ModuleNotFoundError"),
+        ("x = 1", "implements none of the hooks"),
+    ],
+)
+def test_a_file_that_is_no_plugin_is_an_error_that_names_it(tmp_path: Path, text: str | None, message: str) -> None:
+    path = tmp_path / "broken.py"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(PluginError, match=rf"broken\.py.*{message}"):
+        register_source(str(path))
+
+
+# Laziness
+
+
+def test_listing_imports_nothing_heavy() -> None:
+    code = (
+        "import sys\n"
+        "from phrt.registry import get_registry\n"
+        "from phrt.registry.options import option_rows\n"
+        "for entry in get_registry().plugins(): option_rows(entry.plugin.options)\n"
+        "heavy = {'open3d', 'moderngl', 'embreex', 'trimesh', 'numba', 'pygltflib'} & set(sys.modules)\n"
+        "assert not heavy, heavy\n"
+    )
+    subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, timeout=60)
