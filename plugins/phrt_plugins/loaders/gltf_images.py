@@ -110,7 +110,7 @@ class Images:
         uri = element.string("uri", "")
         name = element.string("name", "") or (uri if uri and not is_data_uri(uri) else element.where)
         try:
-            picture = open_picture(self._bytes(element, uri))
+            picture = open_picture(self._bytes(element, uri), element.where)
         except ImageUnreadableError as error:
             self._replace(name, str(error))
             return OpenImage(name, None)
@@ -149,21 +149,21 @@ class Images:
         return read_bytes(path)
 
 
-def open_picture(data: bytes) -> Any:
+def open_picture(data: bytes, where: str) -> Any:
     """A Pillow image with its header read. Raises ImageUnreadableError; AssetError for a PNG of zero size."""
     if (
         data[:8] == b"\x89PNG\r\n\x1a\n"
         and len(data) >= 24
         and 0 in (int.from_bytes(data[16:20]), int.from_bytes(data[20:24]))
     ):
-        raise AssetError("a PNG image has zero width or height")
+        fail(where, "is an image of zero width or height")
     try:
         # Pillow's own limit on pixels is replaced by ours, which is an error instead of a warning.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return Pillow.open(io.BytesIO(data), formats=FORMATS)
     except Pillow.DecompressionBombError as error:
-        raise AssetError(f"an image is too large: {error}") from None
+        raise AssetError(f"{where}: is too large an image: {error}") from None
     except Exception as error:  # what image decoders raise on broken data is open-ended
         what = "is empty" if not data else "is not a readable PNG, JPEG or WebP image"
         raise ImageUnreadableError(f"{what} ({shorten(str(error), 120)})") from None

@@ -150,6 +150,8 @@ def encoded(image: Image.Image, kind: str) -> bytes:
 
 
 def textured(build, load, data: bytes, **options):
+    """Load a file with an embedded image of `data` -> its pixels and the warnings."""
+    build.view(b"other data")
     source = build.add("images", {"bufferView": build.view(data), "name": "paint"})
     texture = build.add("textures", {"source": source})
     build.add("materials", {"pbrMetallicRoughness": {"baseColorTexture": {"index": texture}}})
@@ -250,11 +252,11 @@ def png_header(width: int, height: int) -> bytes:
         ((0, 4), "zero width or height"),
         ((4, 0), "zero width or height"),
         ((8193, 8193), "has 8193 x 8193 pixels; at most 67,108,864 are read"),
-        ((100_000, 100_000), "too large"),
+        ((100_000, 100_000), "is too large an image"),
     ],
 )
 def test_image_sizes_that_are_errors(build, load, size, reason):
-    with pytest.raises(AssetError, match="made.gltf") as error:
+    with pytest.raises(AssetError, match=r"made\.gltf: images\[0\]") as error:
         textured(build, load, png_header(*size))
     assert reason in str(error.value)
 
