@@ -43,7 +43,7 @@ def add_camera(scene: Scene) -> None:
 
 
 def framing_distance(low: np.ndarray, high: np.ndarray, towards: np.ndarray) -> float:
-    """Metres from the middle of a box, in unit direction `towards`, from where a square picture just holds its corners."""
+    """Metres from a box's middle, along unit `towards`, from where a square picture just holds its corners."""
     half = np.maximum((high - low) / 2, 1e-6)
     corners = half * np.array(list(product((-1, 1), repeat=3)))
     axes = look_at(tuple(towards.tolist()), (0.0, 0.0, 0.0))[:3, :3]

@@ -74,7 +74,7 @@ def read_dome(path: Path) -> np.ndarray:
 
 
 def read_radiance(path: Path) -> np.ndarray:
-    """(H, W, 3) float32 of a Radiance RGBE file (Ward 1991), flat or run-length encoded, row 0 at the top.
+    """(H, W, 3) float32 of a Radiance RGBE file, flat or run-length encoded, row 0 at the top.
 
     Raises AssetError for what is not Radiance, XYZE, turned, too large, or ends early.
     """
