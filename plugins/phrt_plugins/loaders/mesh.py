@@ -24,7 +24,7 @@ from phrt.model import Material, Model, Node
 from phrt_plugins.loaders.mesh_mtl import DEFAULT_MATERIAL, MaterialLibrary
 from phrt_plugins.loaders.mesh_obj import ObjFile, read_obj
 from phrt_plugins.loaders.mesh_ply import read_ply
-from phrt_plugins.loaders.mesh_soup import build_meshes, check
+from phrt_plugins.loaders.mesh_soup import Soup, build_meshes, check
 from phrt_plugins.loaders.mesh_stl import read_stl
 from phrt_plugins.loaders.options import MeshOptions
 
@@ -39,27 +39,30 @@ class MeshLoader(Loader):
 
     def load(self, path: Path, context: LoadContext) -> Model:
         """The model in `path`; every mesh has normals. Raises AssetError, naming the file and what is wrong."""
-        name, data = path.name, _read(path)
-        if path.suffix.lower() == ".obj":
-            obj = read_obj(data, name, self.options, context.warn)
-            del data
-            obj.soup = check(obj.soup, name, context.warn)
-            model = _with_materials(obj, context, self.options)
-            soup = obj.soup
-        else:
-            if path.suffix.lower() == ".ply":
-                soup = read_ply(data, name, context.warn)
-            else:
-                soup = read_stl(data, name, self.options.weld, context.warn)
-            soup = check(soup, name, context.warn)
-            model = Model(materials=[_default_material()])
-            soup.material[:] = 0
+        # Values that are not finite meet arithmetic before `check` refuses them.
+        with np.errstate(all="ignore"):
+            soup, model = self._read(path, context)
         model.meshes = build_meshes(soup, self.options, context.warn)
         model.nodes = [Node(mesh.name, meshes=[index]) for index, mesh in enumerate(model.meshes)]
         return model
 
+    def _read(self, path: Path, context: LoadContext) -> tuple[Soup, Model]:
+        """The checked triangles of `path`, and a model with the materials they count in."""
+        name, suffix, data = path.name, path.suffix.lower(), read_file(path)
+        if suffix == ".obj":
+            obj = read_obj(data, name, self.options, context.warn)
+            obj.soup = check(obj.soup, name, context.warn)
+            return obj.soup, _with_materials(obj, context, self.options)
+        if suffix == ".ply":
+            soup = read_ply(data, name, context.warn)
+        else:
+            soup = read_stl(data, name, self.options.weld, context.warn)
+        soup = check(soup, name, context.warn)
+        soup.material[:] = 0
+        return soup, Model(materials=[_default_material()])
 
-def _read(path: Path) -> bytes:
+
+def read_file(path: Path) -> bytes:
     """The bytes of `path`. Raises AssetError for a suffix, size or file that cannot be read."""
     if path.suffix.lower() not in SUFFIXES:
         raise AssetError(f"{path.name}: '{path.suffix}' is not one of {', '.join(SUFFIXES)}")

@@ -127,7 +127,9 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 
 def weld(positions: np.ndarray) -> np.ndarray:
     """(V,) int64: vertices at exactly one place (as float32) get one number."""
-    exact = np.ascontiguousarray(positions + 0.0, dtype=np.float32)
+    # Unused vertices may be anything, infinite as float32 included.
+    with np.errstate(over="ignore", invalid="ignore"):
+        exact = np.ascontiguousarray(positions + 0.0, dtype=np.float32)
     order = np.lexsort(exact.T)
     ordered = exact[order]
     new = np.empty(len(ordered), dtype=bool)

@@ -16,7 +16,7 @@ import numpy as np
 
 from phrt.errors import AssetError
 from phrt_plugins.loaders.mesh_polygons import triangulate
-from phrt_plugins.loaders.mesh_soup import Soup, linear_from_srgb
+from phrt_plugins.loaders.mesh_soup import Soup, linear_from_srgb, upward_uvs
 from phrt_plugins.loaders.options import MeshOptions
 
 BATCH = 32768
@@ -326,14 +326,9 @@ class _Reader:
         return self._state(b"s", face).astype(np.int32)
 
     def _uvs(self, uvs: np.ndarray) -> np.ndarray:
-        result = np.zeros((len(uvs), 2))
-        result[:, : min(uvs.shape[1], 2)] = uvs[:, :2]
-        result[:, 1] = 1.0 - np.nan_to_num(result[:, 1], nan=0.0, posinf=np.inf, neginf=-np.inf)
-        bad = ~np.isfinite(result).all(axis=1)
-        if bad.any():
-            self.warn(f"{int(bad.sum())} of {len(uvs)} texture coordinates are not finite and were set to 0")
-            result[bad] = 0.0
-        return result
+        # `vt u` alone means v = 0.
+        v = np.where(np.isnan(uvs[:, 1]), 0.0, uvs[:, 1]) if uvs.shape[1] > 1 else np.zeros(len(uvs))
+        return upward_uvs(np.column_stack([uvs[:, 0], v]), self.warn)
 
     def _colors(self, vertices: np.ndarray) -> np.ndarray | None:
         """(V, 4) float32 linear from `v x y z r g b`, white where a vertex has none."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from phrt.errors import AssetError
 from phrt_plugins.loaders.mesh_polygons import triangulate
-from phrt_plugins.loaders.mesh_soup import Soup, linear_from_srgb, simple_soup
+from phrt_plugins.loaders.mesh_soup import Soup, linear_from_srgb, simple_soup, upward_uvs
 
 _TYPES = {
     "char": "i1",
@@ -260,11 +260,11 @@ def _soup(tables: dict[str, Table], elements: list[Element], name: str, warn: Ca
     outside = (index < 0) | (index >= len(positions))
     if outside.any():
         raise AssetError(f"{name}: vertex index {index[np.argmax(outside)]} is outside 0 to {len(positions) - 1}")
-    corners, face = triangulate(sizes, positions[index], warn)
+    corners, _ = triangulate(sizes, positions[index], warn)
     soup = simple_soup(positions, index[corners], name.rpartition(".")[0] or name)
     types = {p.name: p.type for element in elements if element.name == "vertex" for p in element.properties}
     _normals(soup, vertex)
-    _uvs(soup, vertex, faces, sizes, corners, face)
+    _uvs(soup, vertex, faces, sizes, corners, warn)
     _colors(soup, vertex, types, warn)
     return soup
 
@@ -280,7 +280,7 @@ def _uvs(
     faces: dict[str, tuple[np.ndarray, np.ndarray]],
     sizes: np.ndarray,
     corners: np.ndarray,
-    face: np.ndarray,
+    warn: Callable[[str], None],
 ) -> None:
     """Texture coordinates per vertex, or per corner from a `texcoord` list of u v pairs. v runs up in the file."""
     names = next((pair for pair in _UV_NAMES if pair[0] in vertex and pair[1] in vertex), None)
@@ -290,8 +290,7 @@ def _uvs(
         uvs, index = faces["texcoord"][1].reshape(-1, 2).astype(np.float64), corners
     else:
         return
-    uvs = np.where(np.isfinite(uvs).all(axis=1)[:, None], uvs, 0.0)
-    soup.uvs, soup.uv_index = np.column_stack([uvs[:, 0], 1.0 - uvs[:, 1]]), index
+    soup.uvs, soup.uv_index = upward_uvs(uvs, warn), index
 
 
 def _colors(soup: Soup, vertex: dict[str, np.ndarray], types: dict[str, str], warn: Callable[[str], None]) -> None:

@@ -61,7 +61,7 @@ def check(soup: Soup, place: str, warn: Callable[[str], None]) -> Soup:
     if soup.normals is not None and soup.normal_index is not None:
         _check_index(np.maximum(soup.normal_index, 0), max(len(soup.normals), 1), "normal", place)
     used = np.unique(soup.triangles)
-    bad = ~(np.abs(soup.positions[used]) <= float(np.finfo(np.float32).max)).all(axis=1)
+    bad = ~fits_float32(soup.positions[used])
     if bad.any():
         raise AssetError(
             f"{place}: position of vertex {used[np.argmax(bad)] + 1} is NaN, infinite or beyond float32 "
@@ -73,6 +73,11 @@ def check(soup: Soup, place: str, warn: Callable[[str], None]) -> Soup:
     if not len(kept.triangles):
         raise AssetError(f"{place}: none of its {len(soup.triangles)} triangles has an area")
     return kept
+
+
+def fits_float32(rows: np.ndarray) -> np.ndarray:
+    """(n,) bool: are all values of a row of (n, k) finite as float32?"""
+    return (np.abs(rows) <= float(np.finfo(np.float32).max)).all(axis=1)
 
 
 def _check_index(index: np.ndarray, count: int, what: str, place: str) -> None:
@@ -171,6 +176,14 @@ def _unique_rows(columns: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         key = key * width + column
     _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
     return first, inverse.reshape(-1)
+
+
+def upward_uvs(uvs: np.ndarray, warn: Callable[[str], None]) -> np.ndarray:
+    """(n, 2) `uvs` whose v runs up, turned to run down; what is not finite becomes 0, with a warning."""
+    good = fits_float32(uvs)
+    if not good.all():
+        warn(f"{int((~good).sum())} of {len(uvs)} texture coordinates are not finite and were set to 0")
+    return np.where(good[:, None], np.column_stack([uvs[:, 0], 1.0 - uvs[:, 1]]), 0.0)
 
 
 def linear_from_srgb(encoded: np.ndarray) -> np.ndarray:

@@ -15,6 +15,9 @@ from phrt_plugins.loaders.mesh_soup import Soup, simple_soup
 
 HEADER_BYTES, FACET_BYTES = 84, 50
 
+_FACET_NORMAL = re.compile(rb"facet[ \t]+normal[^\r\n]*", re.IGNORECASE)
+"""Left out before parsing: facet normals are not used, and trimesh logs every one that is malformed."""
+
 
 def read_stl(data: bytes, name: str, share_vertices: bool, warn: Callable[[str], None]) -> Soup:
     """The triangles of STL `data`, one part per `solid`; corners at one place become one vertex with `share_vertices`.
@@ -31,7 +34,7 @@ def read_stl(data: bytes, name: str, share_vertices: bool, warn: Callable[[str],
     if not _looks_ascii(data):
         raise AssetError(f"{name} is not an STL file: neither a binary header nor the word 'solid'")
     _check_ascii(data, name)
-    return _solids(data, name, share_vertices)
+    return _solids(_FACET_NORMAL.sub(b"facet", data), name, share_vertices)
 
 
 def _looks_ascii(data: bytes) -> bool:

@@ -228,6 +228,14 @@ def test_unused_bad_vertices_do_no_harm(load: Load) -> None:
     assert area(only(load(QUAD + "v nan inf 0\nf 1 2 3 4\n"))) == pytest.approx(1.0)
 
 
+def test_texture_coordinates_beyond_float32_are_zero_and_said(load: Load) -> None:
+    warnings: list[str] = []
+    mesh = only(load(QUAD + "v 1e300 0 0\nvt 1e39 0\nvt 0.5\nvt nan 0\nf 1/1 2/2 3/3\n", warnings=warnings))
+    assert mesh.uv0 is not None
+    assert mesh.uv0[mesh.triangles[0]].tolist() == [[0, 0], [0.5, 1], [0, 0]]
+    assert warnings == ["2 of 3 texture coordinates are not finite and were set to 0"]
+
+
 def test_odd_lines_warn_once(load: Load) -> None:
     warnings: list[str] = []
     load(QUAD + "f 1 2\n<<<<<<< HEAD\nfoo\ncurv 0 1\nl 1 2\nf 1 2 3\n", warnings=warnings)
