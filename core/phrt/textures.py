@@ -35,7 +35,7 @@ TEXTURE_DTYPE = np.dtype(
 
 @dataclass(frozen=True)
 class TextureAtlas:
-    """texels (n, 4) uint8; table TEXTURE_DTYPE (rows,); level_start (rows, MAX_LEVELS) int64, first texel of a level;
+    """texels (n, 4) uint8; table TEXTURE_DTYPE (rows,); level_start (rows, MAX_LEVELS) uint64, first texel of a level;
     rows: (material index, slot) -> row."""
 
     texels: np.ndarray
@@ -73,7 +73,7 @@ def build_atlas(images: list[Image], refs: list[tuple[tuple[int, str], TextureRe
             texels[first : first + level.shape[0] * level.shape[1]] = level.reshape(-1, 4)
 
     table = np.zeros(max(len(unique), 1), TEXTURE_DTYPE)
-    level_start = np.zeros((max(len(unique), 1), MAX_LEVELS), np.int64)
+    level_start = np.zeros((max(len(unique), 1), MAX_LEVELS), np.uint64)
     for row, (source, ref) in enumerate(unique):
         _fill_row(table[row], ref, pyramids[source])
         level_start[row, : len(start[source])] = start[source]

@@ -91,7 +91,8 @@ def light_visibility(
         rows, seeds, surfaces, direct, lights, samples, frame.seed, origin, direction, t_max, ray_row, ray_light
     )
     if count:
-        answer = blocked(frame, RayBatch(origin[:count], direction[:count], t_max[:count]))
+        coherent = samples <= 1
+        answer = blocked(frame, RayBatch(origin[:count], direction[:count], t_max[:count], coherent))
         apply_occlusion(answer, ray_row[:count], ray_light[:count], lights, samples, visibility)
     return visibility, count
 
@@ -119,7 +120,8 @@ def gather(
         count = len(target)
         if count == 0:
             break
-        hits = nearest(frame, RayBatch(origin, direction, np.full(count, np.inf, np.float32)))
+        coherent = depth == 0
+        hits = nearest(frame, RayBatch(origin, direction, np.full(count, np.inf, np.float32), coherent))
         total += count
         path_length = path_length + hits.distance
         points = empty_surfaces(count)

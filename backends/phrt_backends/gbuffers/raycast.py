@@ -76,7 +76,9 @@ class RaycastProducer(GBufferProducer):
 
     def _chunk(self, pixels: np.ndarray, view: CameraView, world_from_view: np.ndarray, out: SurfaceArrays, opaque_only: bool) -> None:
         count = len(pixels)
-        rays = RayBatch(np.empty((count, 3), np.float32), np.empty((count, 3), np.float32), np.empty(count, np.float32))
+        rays = RayBatch(
+            np.empty((count, 3), np.float32), np.empty((count, 3), np.float32), np.empty(count, np.float32), coherent=True
+        )
         eye_rays(
             pixels,
             view.width,

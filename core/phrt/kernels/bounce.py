@@ -33,7 +33,7 @@ def refracted(dx, dy, dz, nx, ny, nz, ratio):
 @device
 def faces_front(geometry, primitive, dx, dy, dz):
     """Does a ray along d meet the front (counter-clockwise) side of triangle `primitive`?"""
-    a, b, c = geometry.triangles[primitive, 0], geometry.triangles[primitive, 1], geometry.triangles[primitive, 2]
+    a, b, c = np.uint32(geometry.triangles[primitive, 0]), np.uint32(geometry.triangles[primitive, 1]), np.uint32(geometry.triangles[primitive, 2])
     ax, ay, az = geometry.positions[a, 0], geometry.positions[a, 1], geometry.positions[a, 2]
     ux, uy, uz = geometry.positions[b, 0] - ax, geometry.positions[b, 1] - ay, geometry.positions[b, 2] - az
     vx, vy, vz = geometry.positions[c, 0] - ax, geometry.positions[c, 1] - ay, geometry.positions[c, 2] - az
@@ -81,16 +81,22 @@ def reflection_rays(rows, seeds, surfaces, materials, view, view_is_point, appli
     view: eye (1, 3), or ray directions (n, 3). weight (rays, 3) sums to one over a point's rays; target = position in
     `rows`. Writes n * samples rays at most; returns how many.
     """
+    # Out of the loop: a tuple's array costs a reference count every time it is taken out.
+    at_material_id = surfaces.material_id
+    at_roughness = surfaces.roughness
+    at_position = surfaces.position
+    at_normal = surfaces.normal
+    at_geometric_normal = surfaces.geometric_normal
     count = 0
     for i in range(len(rows)):
         row = rows[i]
-        material = surfaces.material_id[row]
-        roughness = surfaces.roughness[row]
+        material = at_material_id[row]
+        roughness = at_roughness[row]
         if not applies[material] or roughness > cutoff:
             continue
-        px, py, pz = surfaces.position[row, 0], surfaces.position[row, 1], surfaces.position[row, 2]
-        nx, ny, nz = surfaces.normal[row, 0], surfaces.normal[row, 1], surfaces.normal[row, 2]
-        gx, gy, gz = surfaces.geometric_normal[row, 0], surfaces.geometric_normal[row, 1], surfaces.geometric_normal[row, 2]
+        px, py, pz = at_position[row, 0], at_position[row, 1], at_position[row, 2]
+        nx, ny, nz = at_normal[row, 0], at_normal[row, 1], at_normal[row, 2]
+        gx, gy, gz = at_geometric_normal[row, 0], at_geometric_normal[row, 1], at_geometric_normal[row, 2]
         if view_is_point:
             vx, vy, vz = view[0, 0] - px, view[0, 1] - py, view[0, 2] - pz
             scale = f32(1.0) / math.sqrt(vx * vx + vy * vy + vz * vz + f32(1e-20))
@@ -128,17 +134,26 @@ def refraction_rays(rows, surfaces, geometry, materials, view, view_is_point, or
     medium (rays,) int32: material row the ray travels in, 0 for air. Returns how many were written (total internal
     reflection leaves none).
     """
+    # Out of the loop: a tuple's array costs a reference count every time it is taken out.
+    at_material_id = surfaces.material_id
+    at_transmission = surfaces.transmission
+    at_object_id = surfaces.object_id
+    at_alpha = surfaces.alpha
+    at_position = surfaces.position
+    at_normal = surfaces.normal
+    at_geometric_normal = surfaces.geometric_normal
+    at_primitive_id = surfaces.primitive_id
     count = 0
     for i in range(len(rows)):
         row = rows[i]
-        material_row = surfaces.material_id[row]
+        material_row = at_material_id[row]
         material = materials[material_row]
-        through = surfaces.transmission[row]
-        if surfaces.object_id[row] == 0 or (through <= f32(0.0) and surfaces.alpha[row] >= f32(1.0)):
+        through = at_transmission[row]
+        if at_object_id[row] == 0 or (through <= f32(0.0) and at_alpha[row] >= f32(1.0)):
             continue
-        px, py, pz = surfaces.position[row, 0], surfaces.position[row, 1], surfaces.position[row, 2]
-        nx, ny, nz = surfaces.normal[row, 0], surfaces.normal[row, 1], surfaces.normal[row, 2]
-        gx, gy, gz = surfaces.geometric_normal[row, 0], surfaces.geometric_normal[row, 1], surfaces.geometric_normal[row, 2]
+        px, py, pz = at_position[row, 0], at_position[row, 1], at_position[row, 2]
+        nx, ny, nz = at_normal[row, 0], at_normal[row, 1], at_normal[row, 2]
+        gx, gy, gz = at_geometric_normal[row, 0], at_geometric_normal[row, 1], at_geometric_normal[row, 2]
         if view_is_point:
             dx, dy, dz = px - view[0, 0], py - view[0, 1], pz - view[0, 2]
             scale = f32(1.0) / math.sqrt(dx * dx + dy * dy + dz * dz + f32(1e-20))
@@ -147,7 +162,7 @@ def refraction_rays(rows, surfaces, geometry, materials, view, view_is_point, or
             dx, dy, dz = view[i, 0], view[i, 1], view[i, 2]
         inside = 0
         if through > f32(0.0) and material.thin == 0 and dx * nx + dy * ny + dz * nz < f32(0.0):
-            entering = faces_front(geometry, surfaces.primitive_id[row], dx, dy, dz)
+            entering = faces_front(geometry, at_primitive_id[row], dx, dy, dz)
             ratio = f32(1.0) / material.ior if entering else material.ior
             dx, dy, dz, total = refracted(dx, dy, dz, nx, ny, nz, ratio)
             if total:
@@ -172,14 +187,30 @@ def shade_and_spawn(direction, distance, path_length, weight, target, medium, su
     surfaces: rows 0..n of the hits; direct, visibility (n, L) of them; last: nothing goes on, the dome stands in;
     threshold: rays that carry less than this are dropped.
     """
+    # Out of the loop: a tuple's array costs a reference count every time it is taken out.
+    at_object_id = surfaces.object_id
+    at_material_id = surfaces.material_id
+    at_position = surfaces.position
+    at_geometric_normal = surfaces.geometric_normal
+    at_normal = surfaces.normal
+    at_alpha = surfaces.alpha
+    at_emissive = surfaces.emissive
+    at_base_color = surfaces.base_color
+    at_metallic = surfaces.metallic
+    at_roughness = surfaces.roughness
+    at_transmission = surfaces.transmission
+    at_primitive_id = surfaces.primitive_id
+    dome_sharp = environment.sharp
+    dome_blurred = environment.blurred
+    dome_irradiance = environment.irradiance
     count = 0
     lights = direct.shape[1]
     for i in range(len(target)):
         t = target[i]
         wr, wg, wb = weight[i, 0], weight[i, 1], weight[i, 2]
         dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
-        if surfaces.object_id[i] == 0:
-            r, g, b = environment_radiance(environment.sharp, environment.blurred, dx, dy, dz, f32(0.0))
+        if at_object_id[i] == 0:
+            r, g, b = environment_radiance(dome_sharp, dome_blurred, dx, dy, dz, f32(0.0))
             radiance[t, 0] += wr * r
             radiance[t, 1] += wg * g
             radiance[t, 2] += wb * b
@@ -190,13 +221,13 @@ def shade_and_spawn(direction, distance, path_length, weight, target, medium, su
             wr *= math.exp(-inside.absorb_r * distance[i])
             wg *= math.exp(-inside.absorb_g * distance[i])
             wb *= math.exp(-inside.absorb_b * distance[i])
-        material_row = surfaces.material_id[i]
+        material_row = at_material_id[i]
         material = materials[material_row]
-        px, py, pz = surfaces.position[i, 0], surfaces.position[i, 1], surfaces.position[i, 2]
-        gx, gy, gz = surfaces.geometric_normal[i, 0], surfaces.geometric_normal[i, 1], surfaces.geometric_normal[i, 2]
-        nx, ny, nz = surfaces.normal[i, 0], surfaces.normal[i, 1], surfaces.normal[i, 2]
+        px, py, pz = at_position[i, 0], at_position[i, 1], at_position[i, 2]
+        gx, gy, gz = at_geometric_normal[i, 0], at_geometric_normal[i, 1], at_geometric_normal[i, 2]
+        nx, ny, nz = at_normal[i, 0], at_normal[i, 1], at_normal[i, 2]
         bias = bias_at(px, py, pz)
-        alpha = surfaces.alpha[i]
+        alpha = at_alpha[i]
         if alpha < f32(1.0):
             rest = f32(1.0) - alpha
             if not last and max(wr, max(wg, wb)) * rest > threshold:
@@ -208,17 +239,17 @@ def shade_and_spawn(direction, distance, path_length, weight, target, medium, su
                 next_medium[count] = medium[i]
                 count += 1
             wr, wg, wb = wr * alpha, wg * alpha, wb * alpha
-        sum_r, sum_g, sum_b = surfaces.emissive[i, 0], surfaces.emissive[i, 1], surfaces.emissive[i, 2]
+        sum_r, sum_g, sum_b = at_emissive[i, 0], at_emissive[i, 1], at_emissive[i, 2]
         if material.unlit == 0:
-            red, green, blue = surfaces.base_color[i, 0], surfaces.base_color[i, 1], surfaces.base_color[i, 2]
-            metallic, roughness, through = surfaces.metallic[i], surfaces.roughness[i], surfaces.transmission[i]
+            red, green, blue = at_base_color[i, 0], at_base_color[i, 1], at_base_color[i, 2]
+            metallic, roughness, through = at_metallic[i], at_roughness[i], at_transmission[i]
             d_n = dx * nx + dy * ny + dz * nz
             n_v = min(max(abs(d_n), f32(1e-3)), f32(1.0))
             thick = through > f32(0.0) and material.thin == 0
             entering = True
             eta = material.ior
             if thick:
-                entering = faces_front(geometry, surfaces.primitive_id[i], dx, dy, dz)
+                entering = faces_front(geometry, at_primitive_id[i], dx, dy, dz)
                 if not entering:
                     eta = f32(1.0) / material.ior
             fr, fg, fb = reflectance(material, metallic, roughness, through, red, green, blue, n_v, eta)
@@ -227,7 +258,7 @@ def shade_and_spawn(direction, distance, path_length, weight, target, medium, su
                 sum_r += direct[i, k, 0] * v
                 sum_g += direct[i, k, 1] * v
                 sum_b += direct[i, k, 2] * v
-            ar, ag, ab = ambient_light(environment.sharp, environment.irradiance, nx, ny, nz)
+            ar, ag, ab = ambient_light(dome_sharp, dome_irradiance, nx, ny, nz)
             body = (f32(1.0) - metallic) * (f32(1.0) - through)
             sum_r += (f32(1.0) - fr) * body * red * ar
             sum_g += (f32(1.0) - fg) * body * green * ag
@@ -253,7 +284,7 @@ def shade_and_spawn(direction, distance, path_length, weight, target, medium, su
                     next_medium[count] = medium[i]
                     count += 1
             elif medium[i] == 0:
-                r, g, b = environment_radiance(environment.sharp, environment.blurred, x, y, z, roughness)
+                r, g, b = environment_radiance(dome_sharp, dome_blurred, x, y, z, roughness)
                 sum_r, sum_g, sum_b = sum_r + fr * r, sum_g + fg * g, sum_b + fb * b
 
             # What passes through.
@@ -277,7 +308,7 @@ def shade_and_spawn(direction, distance, path_length, weight, target, medium, su
                     next_medium[count] = inside
                     count += 1
                 elif not total:
-                    r, g, b = environment_radiance(environment.sharp, environment.blurred, x, y, z, f32(0.0))
+                    r, g, b = environment_radiance(dome_sharp, dome_blurred, x, y, z, f32(0.0))
                     radiance[t, 0] += pass_r * r
                     radiance[t, 1] += pass_g * g
                     radiance[t, 2] += pass_b * b

@@ -64,17 +64,26 @@ def direct_light(rows, surfaces, materials, lights, view, view_is_point, out):
     Lambert and GGX with height-correlated Smith (Walter et al. 2007, eq. 33; Heitz 2014, eq. 99), Schlick's Fresnel, glTF 2.0
     appendix B. view: the eye (1, 3) when view_is_point, else directions the rays came along (n, 3), by position in `rows`.
     """
+    # Out of the loop: a tuple's array costs a reference count every time it is taken out.
+    at_material_id = surfaces.material_id
+    at_object_id = surfaces.object_id
+    at_position = surfaces.position
+    at_normal = surfaces.normal
+    at_metallic = surfaces.metallic
+    at_roughness = surfaces.roughness
+    at_base_color = surfaces.base_color
+    at_transmission = surfaces.transmission
     for i in range(len(rows)):
         row = rows[i]
-        material = materials[surfaces.material_id[row]]
-        if surfaces.object_id[row] == 0 or material.unlit:
+        material = materials[at_material_id[row]]
+        if at_object_id[row] == 0 or material.unlit:
             for k in range(len(lights)):
                 out[row, k, 0] = f32(0.0)
                 out[row, k, 1] = f32(0.0)
                 out[row, k, 2] = f32(0.0)
             continue
-        px, py, pz = surfaces.position[row, 0], surfaces.position[row, 1], surfaces.position[row, 2]
-        nx, ny, nz = surfaces.normal[row, 0], surfaces.normal[row, 1], surfaces.normal[row, 2]
+        px, py, pz = at_position[row, 0], at_position[row, 1], at_position[row, 2]
+        nx, ny, nz = at_normal[row, 0], at_normal[row, 1], at_normal[row, 2]
         if view_is_point:
             vx, vy, vz = view[0, 0] - px, view[0, 1] - py, view[0, 2] - pz
             scale = f32(1.0) / math.sqrt(vx * vx + vy * vy + vz * vz + f32(1e-20))
@@ -82,12 +91,12 @@ def direct_light(rows, surfaces, materials, lights, view, view_is_point, out):
         else:
             vx, vy, vz = -view[i, 0], -view[i, 1], -view[i, 2]
         n_v = max(abs(nx * vx + ny * vy + nz * vz), f32(1e-3))
-        metallic, roughness = surfaces.metallic[row], surfaces.roughness[row]
-        red, green, blue = surfaces.base_color[row, 0], surfaces.base_color[row, 1], surfaces.base_color[row, 2]
+        metallic, roughness = at_metallic[row], at_roughness[row]
+        red, green, blue = at_base_color[row, 0], at_base_color[row, 1], at_base_color[row, 2]
         plain = dielectric_f0(material.ior, material.specular) * (f32(1.0) - metallic)
         f0r, f0g, f0b = plain + red * metallic, plain + green * metallic, plain + blue * metallic
         f90 = material.specular * (f32(1.0) - metallic) + metallic
-        diffuse = (f32(1.0) - metallic) * (f32(1.0) - surfaces.transmission[row]) * INV_PI
+        diffuse = (f32(1.0) - metallic) * (f32(1.0) - at_transmission[row]) * INV_PI
         alpha = roughness * roughness
         a2 = max(alpha * alpha, f32(1e-6))
         shiny = roughness >= MIRROR_ROUGHNESS and f90 > f32(0.0)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from phrt.kernels.jit import device
@@ -47,7 +45,7 @@ def pixel_sample(pixel, seed, index, dimension):
     shift_v = unit_float(hash_u32(pixel, seed, 2 * dimension + 1))
     u = shift_u + f32(index) * f32(0.7548776662466927)
     v = shift_v + f32(index) * f32(0.5698402909980532)
-    return u - math.floor(u), v - math.floor(v)
+    return u - f32(int(u)), v - f32(int(v))
 
 
 @device

@@ -57,6 +57,9 @@ def shadow_rays(rows, seeds, surfaces, direct, lights, samples, seed, origin, di
     seeds (n,) uint32: what a point's random numbers hang on. samples: rays per extended light. The outputs hold
     n * L * samples rays at most; ray_row is the position in `rows`. Returns how many rays were written.
     """
+    # Out of the loop: a tuple's array costs a reference count every time it is taken out.
+    at_position = surfaces.position
+    at_geometric_normal = surfaces.geometric_normal
     count = 0
     for k in range(len(lights)):
         light = lights[k]
@@ -71,8 +74,8 @@ def shadow_rays(rows, seeds, surfaces, direct, lights, samples, seed, origin, di
             row = rows[i]
             if direct[row, k, 0] + direct[row, k, 1] + direct[row, k, 2] <= f32(0.0):
                 continue
-            px, py, pz = surfaces.position[row, 0], surfaces.position[row, 1], surfaces.position[row, 2]
-            gx, gy, gz = surfaces.geometric_normal[row, 0], surfaces.geometric_normal[row, 1], surfaces.geometric_normal[row, 2]
+            px, py, pz = at_position[row, 0], at_position[row, 1], at_position[row, 2]
+            gx, gy, gz = at_geometric_normal[row, 0], at_geometric_normal[row, 1], at_geometric_normal[row, 2]
             bias = bias_at(px, py, pz)
             px, py, pz = px + gx * bias, py + gy * bias, pz + gz * bias
             for j in range(repeats):
@@ -105,12 +108,16 @@ def apply_occlusion(blocked, ray_row, ray_light, lights, samples, visibility):
 @kernel
 def hemisphere_rays(rows, seeds, surfaces, samples, seed, radius, origin, direction, t_max):
     """Cosine-distributed rays above the points `rows` (n,), `samples` each, up to `radius` metres: ambient occlusion."""
+    # Out of the loop: a tuple's array costs a reference count every time it is taken out.
+    at_position = surfaces.position
+    at_geometric_normal = surfaces.geometric_normal
+    at_normal = surfaces.normal
     count = 0
     for i in range(len(rows)):
         row = rows[i]
-        px, py, pz = surfaces.position[row, 0], surfaces.position[row, 1], surfaces.position[row, 2]
-        gx, gy, gz = surfaces.geometric_normal[row, 0], surfaces.geometric_normal[row, 1], surfaces.geometric_normal[row, 2]
-        nx, ny, nz = surfaces.normal[row, 0], surfaces.normal[row, 1], surfaces.normal[row, 2]
+        px, py, pz = at_position[row, 0], at_position[row, 1], at_position[row, 2]
+        gx, gy, gz = at_geometric_normal[row, 0], at_geometric_normal[row, 1], at_geometric_normal[row, 2]
+        nx, ny, nz = at_normal[row, 0], at_normal[row, 1], at_normal[row, 2]
         bias = bias_at(px, py, pz)
         tx, ty, tz, bx, by, bz = orthonormal(nx, ny, nz)
         for j in range(samples):
