@@ -18,6 +18,7 @@ from phrt_backends.gbuffers.moderngl_context import gl_info, moderngl_reason, op
 from phrt_backends.gbuffers.moderngl_layout import MATERIAL_CHANNELS, layout_for
 from phrt_backends.gbuffers.moderngl_options import ModernglOptions
 from phrt_backends.gbuffers.moderngl_producer import KEPT_TARGETS, ModernglProducer
+from phrt_backends.gbuffers.moderngl_provoking import own_corners
 
 pytestmark = pytest.mark.skipif(moderngl_reason() is not None, reason=str(moderngl_reason()))
 
@@ -212,3 +213,40 @@ def test_many_triangles_keep_their_ids_through_the_drawing_order(build: Build) -
     np.testing.assert_array_equal(buffer.primitive_id, expected)
     np.testing.assert_array_equal(buffer.material_id, material[expected] + 1)
     np.testing.assert_allclose(buffer.roughness, np.array([1.0, 0.1, 0.2, 0.3])[material[expected] + 1], rtol=1e-6)
+
+
+def test_every_triangle_gets_a_last_corner_of_its_own_and_keeps_its_winding() -> None:
+    # A fan around vertex 0 and a second object; row numbers run backwards.
+    triangles = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1], [0, 1, 2], [5, 6, 7], [5, 7, 6]], np.int32)
+    owner = np.array([1, 1, 1, 1, 1, 2, 2], np.int32)
+    row = np.arange(len(triangles))[::-1].astype(np.int32)
+    result = own_corners(triangles, row, owner, 9, 2)
+    last = result.triangles[:, 2]
+    assert len(set(last.tolist())) == len(triangles)
+    np.testing.assert_array_equal(result.vertex_row[last], row)
+    source = np.concatenate([np.arange(9), result.copies])[result.triangles]
+    turns = [np.roll(source, k, axis=1) for k in range(3)]
+    assert np.any([(turn == triangles).all(axis=1) for turn in turns], axis=0).all()
+    np.testing.assert_array_equal(np.diff(result.first_copy)[1:], np.bincount(owner[last >= 9], minlength=3)[1:])
+
+
+def test_doubled_vertices_move_with_their_object(build: Build) -> None:
+    # Every triangle of this fan but a few shares its vertices, so that most last corners are copies.
+    ring = np.linspace(0, 2 * np.pi, 7)[:-1]
+    positions = np.concatenate([np.zeros((1, 3)), np.stack([np.cos(ring), np.sin(ring), 0 * ring], -1) * 0.4]).astype(
+        np.float32
+    )
+    fan = np.array([[0, 1 + k, 1 + (k + 1) % 6] for k in range(6)] * 3, np.int32)
+    normals = np.tile(np.float32([0, 0, 1]), (7, 1))
+    mesh = Mesh("fan", positions, fan, np.zeros(len(fan), np.int32), normals=normals)
+    world = scenes.world_of([(mesh, scenes.at(x=-0.5)), (mesh, scenes.at(x=0.5))])
+    producer = build(world)
+    before = producer.render(scenes.front_view(), channels=("object_id", "position_world"))
+    world.set_object_matrix(2, scenes.at(x=0.5, y=0.25))
+    producer.update(world, world.advance(0.0))
+    after = producer.render(scenes.front_view(), channels=("object_id", "position_world"))
+    np.testing.assert_array_equal(after.object_id[:-8, 32:], before.object_id[8:, 32:])
+    np.testing.assert_array_equal(after.object_id[:, :32], before.object_id[:, :32])
+    moved = after.object_id[:-8, 32:] == 2
+    expected = before.position_world[8:, 32:][moved] + [0, 0.25, 0]
+    np.testing.assert_allclose(after.position_world[:-8, 32:][moved], expected, atol=2e-6)

@@ -14,6 +14,7 @@ import numpy as np
 
 from phrt.conventions import NO_PRIMITIVE
 from phrt.world import World
+from phrt_backends.gbuffers.moderngl_provoking import own_corners
 
 CLUSTER_TRIANGLES = 512
 ATTRIBUTES = {
@@ -39,21 +40,28 @@ class Visible:
 class DrawGeometry:
     """Buffers of a world with at least one triangle.
 
-    order (T,) int32: scene triangle of every row. Clusters (C,): cluster_first, cluster_rows, cluster_material,
-    cluster_object int32; cluster_low, cluster_high (C, 3) float32 world space.
+    order (T,) int32: scene triangle of every row. indices: every triangle has a last corner of its own (`own_corners`),
+    for programs that read `in_row`; shared_indices: fewer vertices, for those that do not. Clusters (C,): cluster_first,
+    cluster_rows, cluster_material, cluster_object int32; cluster_low, cluster_high (C, 3) float32 world space.
     """
 
     def __init__(self, gl: Any, world: World) -> None:
         order = np.lexsort((world.triangle_object, world.triangle_material)).astype(np.int32)
         self.order = order
         self._triangles = world.triangles[order]
+        row = np.empty_like(order)
+        row[order] = np.arange(len(order), dtype=np.int32)
+        provoking = own_corners(world.triangles, row, world.triangle_object, len(world.positions), world.object_count)
+        self._copies, self._first_copy = provoking.copies, provoking.first_copy
         self.buffers: dict[str, Any] = {}
         for attribute, source in ATTRIBUTES.items():
             array = getattr(world, source)
             if len(array):
-                self.buffers[attribute] = gl.buffer(np.ascontiguousarray(array, np.float32))
+                self.buffers[attribute] = gl.buffer(np.concatenate([array, array[provoking.copies]]))
         self.formats = {name: f"{getattr(world, ATTRIBUTES[name]).shape[1]}f" for name in self.buffers}
-        self.indices = gl.buffer(np.ascontiguousarray(self._triangles, np.int32))
+        self.buffers["in_row"], self.formats["in_row"] = gl.buffer(provoking.vertex_row), "1u"
+        self.indices = gl.buffer(provoking.triangles[order])
+        self.shared_indices = gl.buffer(self._triangles)
         self._make_clusters(world)
         self._make_tables(world)
         self._measure(world, np.arange(len(self.cluster_first)))
@@ -62,12 +70,15 @@ class DrawGeometry:
         """Rewrite the vertices, cluster boxes and triangle normals of `objects`, 1-based ids."""
         for object_id in objects:
             first, count = int(world.first_vertex[object_id]), int(world.vertex_count[object_id])
+            copies = slice(int(self._first_copy[object_id]), int(self._first_copy[object_id + 1]))
             for attribute in MOVING:
                 array = getattr(world, ATTRIBUTES[attribute])
-                if count and attribute in self.buffers:
-                    self.buffers[attribute].write(
-                        np.ascontiguousarray(array[first : first + count]), offset=first * array.strides[0]
-                    )
+                if not count or attribute not in self.buffers:
+                    continue
+                buffer, stride = self.buffers[attribute], array.strides[0]
+                buffer.write(array[first : first + count], offset=first * stride)
+                if copies.stop > copies.start:
+                    buffer.write(array[self._copies[copies]], offset=(len(array) + copies.start) * stride)
         self._measure(world, np.flatnonzero(np.isin(self.cluster_object, objects)))
 
     def visible(self, clip_from_world: np.ndarray, depth_row: np.ndarray, drawn: np.ndarray, cull: bool) -> Visible:
@@ -89,7 +100,7 @@ class DrawGeometry:
 
     def release(self) -> None:
         """Give the buffers back."""
-        for buffer in (*self.buffers.values(), self.indices):
+        for buffer in (*self.buffers.values(), self.indices, self.shared_indices):
             buffer.release()
 
     def _make_clusters(self, world: World) -> None:

@@ -225,7 +225,6 @@ class ModernglProducer(GBufferProducer):
                 if culls == states[bound_state].double_sided:
                     culls = not culls
                     (gl.enable if culls else gl.disable)(gl.CULL_FACE)
-            variant.put("first_row", int(first[start]))
             variant.vertex_array.render(gl.TRIANGLES, vertices=3 * count, first=3 * int(first[start]))
 
     def _draw_states(self, layout: Layout) -> tuple[list[DrawState], np.ndarray]:
@@ -255,10 +254,9 @@ class ModernglProducer(GBufferProducer):
                 for name, buffer in self._geometry.buffers.items()
                 if name in program
             ]
-            variant = Variant(
-                program,
-                self._gl.vertex_array(program, content, index_buffer=self._geometry.indices, index_element_size=4),
-            )
+            indices = self._geometry.indices if "in_row" in program else self._geometry.shared_indices
+            vertex_array = self._gl.vertex_array(program, content, index_buffer=indices, index_element_size=4)
+            variant = Variant(program, vertex_array)
             for unit, slot in enumerate(SAMPLERS):
                 variant.put(slot, unit)
             if "Material" in program:

@@ -21,9 +21,11 @@ uniform vec4 depth_row;
 in vec3 in_position;
 in vec3 in_normal;
 in vec2 in_uv0;
+in uint in_row;
 out vec3 v_position;
 out vec3 v_normal;
 out vec2 v_uv0;
+flat out uint v_row;
 #ifdef ORTHOGRAPHIC
 out float v_depth;
 #endif
@@ -46,6 +48,7 @@ void main() {{
     v_position = in_position;
     v_normal = in_normal;
     v_uv0 = in_uv0;
+    v_row = in_row;
 #ifdef ORTHOGRAPHIC
     v_depth = dot(depth_row, vec4(in_position, 1.0));
 #endif
@@ -76,11 +79,11 @@ uniform sampler2D metallic_roughness_texture;
 uniform sampler2D normal_texture;
 uniform sampler2D emissive_texture;
 uniform sampler2D transmission_texture;
-uniform int first_row;
 
 in vec3 v_position;
 in vec3 v_normal;
 in vec2 v_uv0;
+flat in uint v_row;
 #ifdef ORTHOGRAPHIC
 in float v_depth;
 #endif
@@ -133,7 +136,7 @@ vec4 look_up(sampler2D map, int slot) {{
 }}
 
 float tagged_code() {{
-    return uintBitsToFloat({code_tag}u + uint(first_row + gl_PrimitiveID + 1) * 2u + (gl_FrontFacing ? 0u : 1u));
+    return uintBitsToFloat({code_tag}u + (v_row + 1u) * 2u + (gl_FrontFacing ? 0u : 1u));
 }}
 
 void main() {{
