@@ -9,7 +9,7 @@ import numpy as np
 from phrt.model import Material, Mesh, TextureRef
 from phrt_plugins.loaders.gltf_accessors import Accessors
 from phrt_plugins.loaders.gltf_json import MAX_MAGNITUDE, Document, fail
-from phrt_plugins.loaders.gltf_primitives import Part, PrimitiveReader
+from phrt_plugins.loaders.gltf_primitives import MAX_PRIMITIVES, Part, PrimitiveReader
 from phrt_plugins.loaders.gltf_skins import skin_part
 from phrt_plugins.loaders.gltf_tangents import make_tangents, orthonormal, unit
 
@@ -39,6 +39,8 @@ class MeshLibrary:
             name = element.string("name", "") or f"mesh_{index}"
             mesh = self._build(name, self.parts[index], weights or own, joints)
             self._built[key] = len(self.meshes) if mesh else None
+            if len(self._built) > MAX_PRIMITIVES:
+                fail(element.where, f"is drawn in more than {MAX_PRIMITIVES:,} poses")
             self.meshes += [mesh] if mesh else []
         return self._built[key]
 

@@ -15,7 +15,7 @@ from phrt_plugins.loaders.gltf_meshes import MeshLibrary
 from phrt_plugins.loaders.gltf_skins import Skins
 
 INSTANCING = "EXT_mesh_gpu_instancing"
-IDENTITY = np.eye(4)
+TRS = ("translation", "rotation", "scale")
 MAX_WORLD = 1e18
 
 
@@ -51,8 +51,7 @@ def read_hierarchy(document: Document) -> Hierarchy:
             if parent[child] >= 0:
                 fail(f"nodes[{child}]", f"is a child of both nodes[{parent[child]}] and nodes[{node}]")
             parent[child] = node
-    local = np.array([local_matrix(document, element) for element in elements]).reshape(-1, 4, 4)
-    hierarchy = Hierarchy(parent, children, local)
+    hierarchy = Hierarchy(parent, children, local_matrices(document, elements))
     pending = [node for node in reversed(range(len(elements))) if parent[node] < 0]
     while pending:
         node = pending.pop()
@@ -65,22 +64,35 @@ def read_hierarchy(document: Document) -> Hierarchy:
     return hierarchy
 
 
-def local_matrix(document: Document, element: Element) -> np.ndarray:
-    """(4, 4) float64 local transform of a node, from its matrix or its translation, rotation and scale."""
-    if "matrix" in element:
-        matrix = np.array(element.numbers("matrix", 16)).reshape(4, 4).T
-        if not np.array_equal(matrix[3], (0.0, 0.0, 0.0, 1.0)):
-            document.warn(f"{element.where}.matrix is a projection; its last row is read as 0 0 0 1")
-            matrix[3] = (0.0, 0.0, 0.0, 1.0)
-        return matrix
-    if not ("translation" in element or "rotation" in element or "scale" in element):
-        return IDENTITY
+def local_matrices(document: Document, elements: list[Element]) -> np.ndarray:
+    """(N, 4, 4) float64 local transforms of nodes, from their matrices or their translations, rotations and scales."""
+    local = np.tile(np.eye(4), (len(elements), 1, 1))
+    moved = [i for i, element in enumerate(elements) if not element.data.keys().isdisjoint(TRS)]
+    if moved:
+        translation, rotation, scale = zip(*(read_trs(document, elements[i]) for i in moved), strict=True)
+        local[moved] = trs_matrices(np.array(translation), np.array(rotation), np.array(scale))
+    for i, element in enumerate(elements):
+        if "matrix" in element:
+            local[i] = read_matrix(document, element)
+    return local
+
+
+def read_matrix(document: Document, element: Element) -> np.ndarray:
+    """(4, 4) float64 matrix of a node, affine."""
+    matrix = np.array(element.numbers("matrix", 16)).reshape(4, 4).T
+    if not np.array_equal(matrix[3], (0.0, 0.0, 0.0, 1.0)):
+        document.warn(f"{element.where}.matrix is a projection; its last row is read as 0 0 0 1")
+        matrix[3] = (0.0, 0.0, 0.0, 1.0)
+    return matrix
+
+
+def read_trs(document: Document, element: Element) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
+    """Translation, rotation (a quaternion x y z w of any length but 0) and scale of a node."""
     rotation = element.numbers("rotation", 4, (0.0, 0.0, 0.0, 1.0))
     if math.hypot(*rotation) < 1e-12:
         document.warn(f"{element.where}.rotation is zero and is left out")
         rotation = (0.0, 0.0, 0.0, 1.0)
-    translation = np.array([element.numbers("translation", 3, (0.0, 0.0, 0.0))])
-    return trs_matrices(translation, np.array([rotation]), np.array([element.numbers("scale", 3, (1.0, 1.0, 1.0))]))[0]
+    return element.numbers("translation", 3, (0.0, 0.0, 0.0)), rotation, element.numbers("scale", 3, (1.0, 1.0, 1.0))
 
 
 def trs_matrices(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray) -> np.ndarray:

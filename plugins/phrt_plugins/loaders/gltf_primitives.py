@@ -10,10 +10,13 @@ from phrt.model import Material, TextureRef
 from phrt_plugins.loaders.gltf_accessors import Accessors
 from phrt_plugins.loaders.gltf_draco import EXTENSION as DRACO
 from phrt_plugins.loaders.gltf_draco import DracoPrimitive, decode_draco, draco_floats
-from phrt_plugins.loaders.gltf_json import MAX_ENTRIES, MAX_MAGNITUDE, Document, Element, fail
+from phrt_plugins.loaders.gltf_json import MAX_MAGNITUDE, Document, Element, fail
 
 POINT_AND_LINE_MODES = {0: "points", 1: "lines", 2: "line loops", 3: "line strips"}
 TRIANGLES, STRIP, FAN = 4, 5, 6
+
+MAX_PRIMITIVES = 50_000
+"""Most primitives of a file, and most meshes made of them."""
 
 ATTRIBUTE_TYPES = {
     "POSITION": ("VEC3",),
@@ -66,8 +69,8 @@ class PrimitiveReader:
         pieces: dict[int, list[tuple[np.ndarray, np.ndarray]]] = {}
         for primitive in mesh.items("primitives"):
             self.seen += 1
-            if self.seen > MAX_ENTRIES:
-                fail(primitive.where, f"is one of more than {MAX_ENTRIES:,} primitives")
+            if self.seen > MAX_PRIMITIVES:
+                fail(primitive.where, f"is one of more than {MAX_PRIMITIVES:,} primitives")
             self._add(primitive, parts, pieces)
         for part in parts.values():
             part.triangles = np.concatenate([triangles for triangles, _ in pieces[id(part)]])

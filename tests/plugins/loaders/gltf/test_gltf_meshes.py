@@ -117,6 +117,13 @@ def test_broken_mesh_nothing_draws_is_an_error_too(build, load):
         load(build.write())
 
 
+def test_primitives_are_limited(build, load):
+    primitive = {"attributes": {"POSITION": build.accessor(CORNERS[:3])}}
+    build.draw(*[primitive] * 50_001)
+    with pytest.raises(AssetError, match="is one of more than 50,000 primitives"):
+        load(build.write())
+
+
 def test_counts_must_agree(build, load):
     build.draw(build.quad(NORMAL=build.accessor(np.ones((3, 3)))))
     with pytest.raises(AssetError, match=r"attributes: have different counts: POSITION 4, NORMAL 3"):
