@@ -23,8 +23,9 @@ class LayeredFrame(Protocol):
     """What is needed of a frame's result.
 
     image : (H, W, 3) float32, linear
-    layers : (H, W, C) float32 by name
-    masks : (H, W) uint8 by effect, non-zero where traced
+    layers : (H, W, C) float32 by name, exposure not applied
+    direct : (H, W, L, 3) float32, unshadowed direct light by light
+    masks : (H, W) uint8 by layer, `phrt.frame.MASK_*`
     """
 
     @property
@@ -34,28 +35,35 @@ class LayeredFrame(Protocol):
     @property
     def layers(self) -> Mapping[str, np.ndarray]: ...
     @property
+    def direct(self) -> np.ndarray: ...
+    @property
     def masks(self) -> Mapping[str, np.ndarray]: ...
 
 
 FIGURE_1 = (
-    ("figure1_a_raster.png", ("raster", "direct")),
-    ("figure1_b_shadows.png", ("visibility",)),
-    ("figure1_c_reflections.png", ("reflection",)),
-    ("figure1_c_refractions.png", ("refraction",)),
+    ("figure1_b_shadows.png", "visibility"),
+    ("figure1_c_reflections.png", "reflection"),
+    ("figure1_c_refractions.png", "refraction"),
 )
-"""File and the layers that serve, best first; the composite, `figure1_d_composite.png`, is the frame's image."""
+"""File and layer; `figure1_a_raster.png` is `raster_picture`, `figure1_d_composite.png` the frame's image."""
 
 SHARES = frozenset({"visibility", "ambient_occlusion"})
 """Layers whose components are shares of light in 0..1, however many: shown in grey, as their mean."""
+
+MASK_SHADES = np.array([0, 85, 255, 170], dtype=np.uint8)
+"""Grey by `phrt.frame.MASK_*`: nothing black, fallback dark, traced white, filled from neighbours light."""
 
 _COMPONENTS = {"uv": ("U", "V"), "depth": ("Z",), "motion": ("X", "Y"), "object_id": ("id",)}
 _COMPONENTS |= {"primitive_id": ("id",), "material_id": ("id",)}
 _COMPONENTS |= dict.fromkeys(("position_world", "normal_world", "normal_geometric_world"), ("X", "Y", "Z"))
 
 
-def write_layers(folder: str | Path, frame: LayeredFrame, *, tone_map: str = "neutral") -> list[Path]:
+def write_layers(
+    folder: str | Path, frame: LayeredFrame, *, tone_map: str = "neutral", exposure: float = 1.0
+) -> list[Path]:
     """Write every layer of `frame` into `folder` (made where missing), PNG previews and `layers.exr`; gives the paths.
 
+    exposure : what the frame's image was multiplied with; previews of colours are, the EXR's layers are not.
     Raises OptionError where the folder cannot be written.
     """
     folder = Path(folder)
@@ -63,23 +71,22 @@ def write_layers(folder: str | Path, frame: LayeredFrame, *, tone_map: str = "ne
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OptionError(f"cannot make the folder '{folder}' for layers: {error.strerror or error}") from error
-    previews = layer_previews(frame, tone_map)
+    previews = layer_previews(frame, tone_map, exposure)
     written = [write_png(folder / name, pixels) for name, pixels in previews.items()]
     written.append(write_exr(folder / "layers.exr", exr_layers(frame), names=_COMPONENTS))
     return written
 
 
-def layer_previews(frame: LayeredFrame, tone_map: str = "neutral") -> dict[str, np.ndarray]:
+def layer_previews(frame: LayeredFrame, tone_map: str = "neutral", exposure: float = 1.0) -> dict[str, np.ndarray]:
     """uint8 pictures by file name, in the order one wants to look at them."""
     layers = frame.layers
-    previews: dict[str, np.ndarray] = {}
-    for file_name, candidates in FIGURE_1:
-        name = next((candidate for candidate in candidates if candidate in layers), None)
-        if name is not None:
-            previews[file_name] = layer_preview(name, layers[name], tone_map)
+    previews = {"figure1_a_raster.png": to_8bit(raster_picture(frame) * np.float32(exposure), tone_map)}
+    for file_name, name in FIGURE_1:
+        if name in layers:
+            previews[file_name] = layer_preview(name, layers[name], tone_map, exposure)
     previews["figure1_d_composite.png"] = to_8bit(frame.image, tone_map)
     for name, layer in layers.items():
-        previews[f"layer_{_safe(name)}.png"] = layer_preview(name, layer, tone_map)
+        previews[f"layer_{_safe(name)}.png"] = layer_preview(name, layer, tone_map, exposure)
         if name in SHARES and layer.ndim == 3 and layer.shape[2] > 1:
             for index in range(layer.shape[2]):
                 previews[f"layer_{_safe(name)}_{index}.png"] = _grey(layer[:, :, index])
@@ -87,24 +94,31 @@ def layer_previews(frame: LayeredFrame, tone_map: str = "neutral") -> dict[str, 
         if name in frame.gbuffer.arrays:
             previews[f"gbuffer_{name}.png"] = preview(frame.gbuffer.arrays[name])
     for name, mask in frame.masks.items():
-        previews[f"traced_{_safe(name)}.png"] = np.where(mask != 0, 255, 0).astype(np.uint8)
+        previews[f"traced_{_safe(name)}.png"] = MASK_SHADES[np.minimum(mask, len(MASK_SHADES) - 1)]
     return previews
 
 
-def layer_preview(name: str, layer: np.ndarray, tone_map: str) -> np.ndarray:
+def raster_picture(frame: LayeredFrame) -> np.ndarray:
+    """(H, W, 3) float32 linear: what rasterization alone shows, unshadowed direct light and emission; no background."""
+    emissive = frame.gbuffer.arrays.get("emissive", np.float32(0.0))
+    return np.asarray(frame.direct.sum(axis=2) + emissive, dtype=np.float32)
+
+
+def layer_preview(name: str, layer: np.ndarray, tone_map: str, exposure: float = 1.0) -> np.ndarray:
     """uint8 preview of `layer` (H, W) or (H, W, C): shares and odd counts in grey, colours tone mapped."""
     planes = layer[:, :, None] if layer.ndim == 2 else layer
     count = planes.shape[2]
     if count == 0:
         return np.zeros(planes.shape[:2], dtype=np.uint8)
     if name not in SHARES and count in (3, 4):
-        return to_8bit(planes[:, :, :3], tone_map)
+        return to_8bit(planes[:, :, :3] * np.float32(exposure), tone_map)
     return _grey(planes.mean(axis=2))
 
 
 def exr_layers(frame: LayeredFrame) -> dict[str, np.ndarray]:
-    """Every array by EXR layer name: the image unnamed, then layers, G-buffer channels and `traced_*` masks."""
+    """Every array by EXR layer name: the image unnamed, `direct_*` by light, layers, G-buffer channels, masks."""
     arrays = {"": frame.image}
+    arrays |= {f"direct_{light}": frame.direct[:, :, light] for light in range(frame.direct.shape[2])}
     arrays |= {_safe(name): layer for name, layer in frame.layers.items() if layer.ndim == 2 or layer.shape[2]}
     arrays |= {
         (name if name not in arrays else f"gbuffer_{name}"): array for name, array in frame.gbuffer.arrays.items()

@@ -14,13 +14,20 @@ comparison with the next code's threshold settles the rest (no bin holds two thr
 from __future__ import annotations
 
 import os
-from concurrent.futures import Executor
-from typing import Literal, get_args
+from collections.abc import Callable, Iterable
+from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 from numba import njit
 
 from phrt.errors import OptionError, did_you_mean
+
+
+class Pool(Protocol):
+    """Runs a function over items on threads: `phrt.workers.Workers`, or an executor."""
+
+    def map(self, function: Callable[[Any], Any], items: Iterable[Any], /) -> Iterable[Any]: ...
+
 
 ToneMap = Literal["srgb", "aces", "neutral"]
 CURVE_CODES: dict[str, int] = {name: code for code, name in enumerate(get_args(ToneMap))}
@@ -150,7 +157,7 @@ def curve_code(tone_map: str) -> int:
 
 
 def to_8bit(
-    image: np.ndarray, tone_map: str = "neutral", pool: Executor | None = None, out: np.ndarray | None = None
+    image: np.ndarray, tone_map: str = "neutral", pool: Pool | None = None, out: np.ndarray | None = None
 ) -> np.ndarray:
     """(H, W, 3) uint8 sRGB of linear `image` (H, W, 3), in bands of rows on `pool` where one is given.
 
@@ -166,9 +173,10 @@ def to_8bit(
         tone_map_rows(image, result, 0, height, code)
         return result
     band = max(16, -(-height // (2 * (os.cpu_count() or 1))))
-    waiting = [
-        pool.submit(tone_map_rows, image, result, row, min(row + band, height), code) for row in range(0, height, band)
-    ]
-    for future in waiting:
-        future.result()
+
+    def part(row: int) -> None:
+        tone_map_rows(image, result, row, min(row + band, height), code)
+
+    # A list, because an executor's map is lazy about errors.
+    list(pool.map(part, range(0, height, band)))
     return result

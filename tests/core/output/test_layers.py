@@ -12,6 +12,7 @@ from PIL import Image
 
 from phrt.channels import GBuffer
 from phrt.errors import OptionError
+from phrt.frame import MASK_FALLBACK, MASK_FILLED, MASK_NONE, MASK_TRACED
 from phrt.output.layers import depth_preview, id_preview, layer_preview, normal_preview, write_layers
 from phrt.output.tonemap import to_8bit
 
@@ -22,6 +23,7 @@ HEIGHT, WIDTH = 8, 12
 class Frame:
     image: np.ndarray
     gbuffer: GBuffer
+    direct: np.ndarray
     layers: dict[str, np.ndarray] = field(default_factory=dict)
     masks: dict[str, np.ndarray] = field(default_factory=dict)
 
@@ -38,11 +40,13 @@ def frame() -> Frame:
     gbuffer.arrays["object_id"][2:, :] = 1
     gbuffer.arrays["object_id"][2:, 6:] = 2
     gbuffer.arrays["normal_world"][2:] = (0.0, 1.0, 0.0)
-    layers = {"raster": noise(3), "visibility": noise(3), "reflection": noise(3), "refraction": noise(3)}
+    layers = {"visibility": noise(3), "reflection": noise(3), "refraction": noise(3)}
     layers["ambient_occlusion"] = noise(1)
     layers["several"] = noise(6)
-    masks = {"shadows": (random.random((HEIGHT, WIDTH)) > 0.5).astype(np.uint8)}
-    return Frame(noise(3), gbuffer, layers, masks)
+    masks = {"shadows": random.integers(0, 4, (HEIGHT, WIDTH), dtype=np.uint8)}
+    gbuffer.arrays["emissive"][0, 0] = (1.0, 2.0, 3.0)
+    direct = random.random((HEIGHT, WIDTH, 2, 3), dtype=np.float32)
+    return Frame(noise(3), gbuffer, direct, layers, masks)
 
 
 def read(path: Path) -> np.ndarray:
@@ -72,7 +76,9 @@ def test_previews_show_the_arrays(tmp_path: Path, frame: Frame) -> None:
     assert np.array_equal(read(tmp_path / "figure1_c_reflections.png"), to_8bit(frame.layers["reflection"], "aces"))
     mean = np.repeat(frame.layers["visibility"].mean(axis=2, keepdims=True), 3, axis=2)
     assert np.array_equal(read(tmp_path / "figure1_b_shadows.png"), to_8bit(mean, "srgb")[:, :, 0])
-    assert np.array_equal(read(tmp_path / "traced_shadows.png") == 255, frame.masks["shadows"] == 1)
+    traced = read(tmp_path / "traced_shadows.png")
+    for value, shade in ((MASK_NONE, 0), (MASK_FALLBACK, 85), (MASK_TRACED, 255), (MASK_FILLED, 170)):
+        assert (traced[frame.masks["shadows"] == value] == shade).all()
 
 
 def test_the_exr_holds_every_value(tmp_path: Path, frame: Frame) -> None:
@@ -82,10 +88,20 @@ def test_the_exr_holds_every_value(tmp_path: Path, frame: Frame) -> None:
     assert np.array_equal(channels["G"], frame.image[:, :, 1])
     assert np.array_equal(channels["visibility.B"], frame.layers["visibility"][:, :, 2])
     assert np.array_equal(channels["several.5"], frame.layers["several"][:, :, 5])
+    assert np.array_equal(channels["direct_1.B"], frame.direct[:, :, 1, 2])
     assert np.array_equal(channels["depth.Z"], frame.gbuffer.depth)
     assert np.array_equal(channels["normal_world.Y"], frame.gbuffer.normal_world[:, :, 1])
     assert np.array_equal(channels["object_id.id"], frame.gbuffer.object_id)
     assert np.array_equal(channels["traced_shadows.Y"], frame.masks["shadows"])
+
+
+def test_the_raster_picture_is_direct_light_and_emission_exposed(tmp_path: Path, frame: Frame) -> None:
+    write_layers(tmp_path, frame, tone_map="srgb", exposure=0.25)
+    expected = (frame.direct[:, :, 0] + frame.direct[:, :, 1] + frame.gbuffer.emissive) * np.float32(0.25)
+    shown = read(tmp_path / "figure1_a_raster.png").astype(int)
+    assert np.abs(shown - to_8bit(expected, "srgb")).max() <= 1
+    reflection = frame.layers["reflection"] * np.float32(0.25)
+    assert np.array_equal(read(tmp_path / "layer_reflection.png"), to_8bit(reflection, "srgb"))
 
 
 def test_a_frame_without_effects_still_gives_its_composite(tmp_path: Path, frame: Frame) -> None:

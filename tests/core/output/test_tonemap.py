@@ -9,6 +9,7 @@ import pytest
 
 from phrt.errors import OptionError
 from phrt.output.tonemap import CURVE_CODES, linear_from_srgb, to_8bit, tone_map_rows
+from phrt.workers import Workers
 
 
 def srgb_from_linear(linear: np.ndarray) -> np.ndarray:
@@ -100,6 +101,10 @@ def test_a_pool_changes_nothing_and_rows_outside_the_range_stay() -> None:
     image = np.random.default_rng(1).random((100, 40, 3), dtype=np.float32) * 2
     with ThreadPoolExecutor(3) as pool:
         assert np.array_equal(to_8bit(image, "neutral", pool), to_8bit(image, "neutral"))
+    for threads in (1, 2):
+        workers = Workers(threads)
+        assert np.array_equal(to_8bit(image, "neutral", workers), to_8bit(image, "neutral"))
+        workers.close()
     out = np.full((100, 40, 3), 7, np.uint8)
     tone_map_rows(image, out, 10, 20, CURVE_CODES["neutral"])
     assert (out[:10] == 7).all()
