@@ -1,0 +1,136 @@
+"""`./run`: sets up once, stops at the first failure, and says what is missing when it may not install."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PROJECT = Path(__file__).resolve().parents[1]
+pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the libraries are Linux ones")
+
+
+class Sandbox:
+    """A copy of `run` beside a stand-in environment that only notes what it is asked to do."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.log = folder, folder / "log"
+        self.log.write_text("")
+        shutil.copy(PROJECT / "run", folder / "run")
+        (folder / "pyproject.toml").write_text("version = 1\n")
+        self.program(".venv/bin/python", 'echo "python $*" >>"$LOG"; [ "$*" = "${FAIL:-}" ] && exit 7; exit 0')
+        self.program(".venv/bin/phrt", 'echo "phrt $*" >>"$LOG"')
+        self.program("tools/ldconfig", "echo $LIBRARIES")
+
+    def program(self, name: str, text: str) -> None:
+        path = self.folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f"#!/usr/bin/env bash\n{text}\n")
+        path.chmod(0o755)
+
+    def run(self, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+        variables = {
+            "PATH": f"{self.folder}/tools:/usr/bin:/bin",
+            "LOG": str(self.log),
+            "PHRT_NO_APT": "1",
+            "HOME": "/",
+        }
+        every = "libEGL.so.1 libusb-1.0.so.0 libgomp.so.1 libEGL_nvidia.so.0"
+        return subprocess.run(
+            [str(self.folder / "run"), *arguments],
+            env=variables | {"LIBRARIES": every} | environment,
+            capture_output=True,
+            text=True,
+            timeout=60,
+            cwd="/",
+        )
+
+    def installs(self) -> list[str]:
+        return [line.rpartition(" -e ")[2] for line in self.log.read_text().splitlines() if "pip install" in line]
+
+
+@pytest.fixture
+def sandbox(tmp_path: Path) -> Sandbox:
+    return Sandbox(tmp_path)
+
+
+def test_the_demo_renders_the_atrium_and_says_where_the_picture_is(sandbox: Sandbox) -> None:
+    done = sandbox.run("demo")
+    assert done.returncode == 0, done.stderr
+    assert "phrt render scenes/atrium.yaml -o out/atrium.png --size 1280x720 --aa 4" in sandbox.log.read_text()
+    assert f"the picture is at {sandbox.folder}/out/atrium.png" in done.stderr
+    assert "missing" not in done.stderr
+
+
+def test_it_installs_once_until_the_project_file_changes(sandbox: Sandbox) -> None:
+    for _ in range(2):
+        assert sandbox.run("demo").returncode == 0
+    assert sandbox.installs() == ["."]
+    for _ in range(2):
+        assert sandbox.run("setup").returncode == 0
+    assert sandbox.installs() == [".", ".[all]"]
+    assert sandbox.run("demo").returncode == 0
+    assert sandbox.installs() == [".", ".[all]"]
+    (sandbox.folder / "pyproject.toml").write_text("version = 2\n")
+    assert sandbox.run("demo").returncode == 0
+    assert sandbox.installs() == [".", ".[all]", "."]
+
+
+def test_an_installation_that_fails_stops_it_and_is_tried_again(sandbox: Sandbox) -> None:
+    install = "-m pip install --quiet --disable-pip-version-check --no-warn-script-location -e ."
+    done = sandbox.run("demo", FAIL=install)
+    assert done.returncode != 0
+    assert "phrt render" not in sandbox.log.read_text()
+    assert sandbox.run("demo").returncode == 0
+    assert sandbox.installs() == [".", "."]
+
+
+def test_tests_that_fail_fail_the_command(sandbox: Sandbox) -> None:
+    pytest_command = "-m pytest tests --ignore=tests/docs/test_snippets.py -n 2 -q"
+    assert sandbox.run("test", FAIL=pytest_command).returncode != 0
+    assert sandbox.run("test").returncode == 0
+
+
+def test_a_check_that_fails_fails_the_command_after_all_have_run(sandbox: Sandbox) -> None:
+    for tool in ("ruff", "mypy", "lint-imports"):
+        sandbox.program(f".venv/bin/{tool}", f'echo "{tool} $*" >>"$LOG"; [ {tool} != mypy ]')
+    done = sandbox.run("check")
+    assert done.returncode != 0
+    assert done.stderr.rstrip().endswith("failed: mypy;")
+    assert "python -m pytest -q tests/docs/test_snippets.py" in sandbox.log.read_text()
+
+
+def test_missing_libraries_are_named_with_what_will_not_work(sandbox: Sandbox) -> None:
+    done = sandbox.run("setup", LIBRARIES="libEGL_nvidia.so.0")
+    assert done.returncode == 0, done.stderr
+    assert "apt-get install libegl1 libusb-1.0-0 libgomp1" in done.stderr
+    assert "the G-buffer 'moderngl' is not available" in done.stderr
+    assert "the tracer 'open3d' is not available" in done.stderr
+
+
+def test_the_demo_does_not_ask_for_what_only_extras_need(sandbox: Sandbox) -> None:
+    done = sandbox.run("demo", LIBRARIES="libEGL.so.1 libEGL_nvidia.so.0")
+    assert done.returncode == 0
+    assert "libusb" not in done.stderr
+
+
+def test_phrt_runs_where_the_user_is_and_keeps_its_arguments(sandbox: Sandbox) -> None:
+    sandbox.program(".venv/bin/phrt", 'echo "$PWD|$1|$2"; exit 3')
+    done = sandbox.run("phrt", "one two", "three")
+    assert (done.returncode, done.stdout) == (3, "/|one two|three\n")
+
+
+def test_an_unsuitable_python_is_told(sandbox: Sandbox) -> None:
+    shutil.rmtree(sandbox.folder / ".venv")
+    done = sandbox.run("demo", PYTHON="no-such-python")
+    assert done.returncode != 0
+    assert "no Python 3.11, 3.12 or 3.13 found (no-such-python)" in done.stderr
+
+
+def test_an_unknown_command_is_told(sandbox: Sandbox) -> None:
+    done = sandbox.run("tset")
+    assert done.returncode == 2
+    assert "Use one of: demo, test, check, bench, setup, phrt" in done.stderr
