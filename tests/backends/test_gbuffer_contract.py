@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import gbuffer_scenes as scenes
 import numpy as np
 import pytest
 from gbuffer_scenes import SIZE, at, front_view, quad
 
+import phrt
 from phrt.camera import CameraView, look_at
 from phrt.channels import CHANNELS, GBuffer
 from phrt.conventions import NO_PRIMITIVE
@@ -415,3 +417,21 @@ def test_both_producers_agree_on_motion(pair: Callable[[World], tuple[Rig, Rig]]
     same = (a.primitive_id == b.primitive_id) & (a.object_id > 0)
     assert np.abs(a.motion[same]).max() > 1.0
     np.testing.assert_allclose(a.motion[same], b.motion[same], atol=2e-2)
+
+
+@pytest.mark.parametrize("name", ["TextureSettingsTest", "NegativeScaleTest", "TextureTransformTest", "MultiUVTest"])
+def test_both_producers_see_real_models_the_same(
+    pair: Callable[[World], tuple[Rig, Rig]], assets: Path, name: str
+) -> None:
+    (path,) = [p for p in (assets / "gltf" / name).iterdir() if p.suffix in (".glb", ".gltf")]
+    world = World(phrt.load_scene(path))
+    view = world.view(160, 120)
+    a, b = (rig(view) for rig in pair(world))
+    assert np.mean(a.object_id != b.object_id) < 0.002
+    same = (a.primitive_id == b.primitive_id) & (a.object_id > 0)
+    assert same.mean() > 0.05
+    for channel in ("depth", "normal_world", "normal_geometric_world", "uv", "metallic", "alpha"):
+        np.testing.assert_allclose(a.arrays[channel][same], b.arrays[channel][same], atol=2e-3, rtol=1e-3)
+    difference = np.abs(a.base_color[same] - b.base_color[same])
+    assert difference.mean() < 0.02
+    assert np.mean(difference > 0.1) < 0.03

@@ -40,8 +40,8 @@ class Visible:
 class DrawGeometry:
     """Buffers of a world with at least one triangle.
 
-    order (T,) int32: scene triangle of every row. indices: every triangle has a last corner of its own (`own_corners`),
-    for programs that read `in_row`; shared_indices: fewer vertices, for those that do not. Clusters (C,): cluster_first,
+    order (T,) int32: scene triangle of every row. indices: triangles have a last corner of their own (`own_corners`),
+    for programs that read `in_row`; shared_indices: fewer vertices, for the others. Clusters (C,): cluster_first,
     cluster_rows, cluster_material, cluster_object int32; cluster_low, cluster_high (C, 3) float32 world space.
     """
 

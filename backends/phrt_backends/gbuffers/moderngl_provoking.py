@@ -17,7 +17,7 @@ from phrt.kernels.jit import kernel
 class Provoking:
     """triangles (T, 3) int32 in scene order, turned so that the last corner is the triangle's own; copies (K,) int32:
     the vertices that were doubled, in scene order of their triangles, numbered from V on; vertex_row (V + K,) uint32:
-    the row of the triangle whose own corner a vertex is; first_copy (N + 2,) int32: where each object's copies begin."""
+    the row of the triangle whose own corner a vertex is; first_copy (N + 2,) int32: where an object's copies begin."""
 
     triangles: np.ndarray
     copies: np.ndarray
