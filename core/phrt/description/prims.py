@@ -8,7 +8,9 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, model_validator
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 from phrt.description.fields import (
     Color,
@@ -154,11 +156,14 @@ def _split(value: Any) -> Any:
     return {"by": value} if isinstance(value, str) else value
 
 
-SplitOptions = Annotated[
-    Split,
-    BeforeValidator(_split),
-    WithJsonSchema({"anyOf": [{"enum": ["none", "material", "components", "grid"]}, {"$ref": "#/$defs/Split"}]}),
-]
+class _OrMode:
+    """Says in the JSON Schema that the mode alone will do."""
+
+    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return {"anyOf": [{"enum": ["none", "material", "components", "grid"]}, handler(core)]}
+
+
+SplitOptions = Annotated[Split, BeforeValidator(_split), _OrMode()]
 
 
 class SplitField(Described):

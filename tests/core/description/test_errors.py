@@ -193,9 +193,7 @@ def test_two_dots_inside_the_roots_are_fine(write: Write, tmp_path: Path) -> Non
     assert [entry.path for entry in scene.objects] == ["/Part/There"]
 
 
-def test_assets_are_found_in_the_named_folders(
-    write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_assets_are_found_in_the_named_folders(write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "library/triangle.obj")
     path = write("prims:\n  There: {type: Mesh, asset: triangle.obj}\n", "scenes/scene.yaml")
     with pytest.raises(SceneError, match=r"'triangle.obj' was not found; looked in: .*PHRT_ASSETS"):
@@ -213,7 +211,10 @@ def test_assets_are_found_in_the_named_folders(
         ("- a\n- b\n", "scene.yaml:1: a scene is a mapping with phrt, name, "),
         ("prims: {A: {type: Sphere}\n", "scene.yaml:2: not valid YAML"),
         ("prims:\n\tA: 1\n", "scene.yaml:2: not valid YAML"),
-        ("prims:\n  A: {type: Sphere}\n  A: {type: Box}\n", "scene.yaml:3: the key 'A' is given twice, first on line 2"),
+        (
+            "prims:\n  A: {type: Sphere}\n  A: {type: Box}\n",
+            "scene.yaml:3: the key 'A' is given twice, first on line 2",
+        ),
         ("prims:\n  A: {type: Sphere}\n  /A: {type: Box}\n", "scene.yaml:3: /A: this prim is given twice"),
         ("prims:\n  A b: {type: Sphere}\n", "'A b' is not a prim name or path"),
         ("prims: [1]\n", "prims: given a list; wanted a mapping"),
