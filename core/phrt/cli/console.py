@@ -130,4 +130,6 @@ class DelayedProgress:
             if self._bar.console.is_terminal:
                 self._bar.start()
             else:
-                self._bar.console.print(f"{self._step} ...", markup=False)
+                task = self._bar.tasks[0]
+                done = f" ({task.completed:.0f} of {task.total:.0f} done)" if task.completed else ""
+                self._bar.console.print(f"{self._step} ...{done}", markup=False)

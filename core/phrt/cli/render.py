@@ -84,8 +84,9 @@ def render(
 
     from phrt.cli.writers import is_video, open_writer
     from phrt.loading import load_scene
+    from phrt.renderer import Renderer
 
-    with DelayedProgress(1, f"loading {scene.name}") as progress:
+    with DelayedProgress(1, f"loading {scene.name}"):
         loaded = load_scene(scene, overrides=define, variant=situation)
         settings = loaded.settings
         if exposure is not None:
@@ -95,10 +96,9 @@ def render(
         curve = tone_map or settings.tone_map or DEFAULT_TONE_MAP
         writer = open_writer(output, len(moments), width_height, settings.fps, curve, layers)
 
-    from phrt.renderer import Renderer
-
     with (
-        DelayedProgress(len(moments), "preparing (kernels compile the first time)") as progress,
+        writer,
+        DelayedProgress(len(moments), first_step()) as progress,
         Renderer(
             loaded,
             size=width_height,
@@ -110,12 +110,12 @@ def render(
             effects=options or None,
             aa=aa,
         ) as renderer,
-        writer,
     ):
-        rows = []
+        rows: list[dict[str, Any]] = []
         for moment in moments:
+            if rows:
+                progress.step(f"rendering frame {moment.index}")
             frame = renderer.render(moment.time, frame_index=moment.index, camera=parse_camera(camera))
-            progress.step(f"frame {moment.index}")
             writer.add(moment.index, frame)
             progress.advance()
             rows.append(frame_row(moment, frame))
@@ -135,6 +135,14 @@ def check_arguments(
         check_number("--time", time, -1e6, 1e6)
         if frames is not None:
             raise OptionError("--time and --frames exclude each other: a frame's time is its number / the scene's fps")
+
+
+def first_step() -> str:
+    """What the first frame waits for."""
+    from phrt.cli.doctor import kernel_cache
+
+    cold = kernel_cache()["kernels"] == 0
+    return "compiling kernels, once; this takes up to a minute" if cold else "rendering"
 
 
 def choose_moments(scene: Scene, frames: FrameRange | None, time: float | None, video: bool) -> list[Moment]:

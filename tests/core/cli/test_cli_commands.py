@@ -152,6 +152,15 @@ def test_an_older_picture_survives_a_failing_render(
     assert sorted(os.listdir(tmp_path)) == ["scene.yaml", "x.png"]
 
 
+@pytest.mark.parametrize("output", ["x.mp4", "x.exr", "f_%d.png"])
+def test_a_failing_render_leaves_nothing_behind(
+    capsys: pytest.CaptureFixture[str], scene: str, tmp_path: Path, output: str
+) -> None:
+    for wrong in (["--tracer", "embre"], ["--camera", "9"], ["--effect", "shadows.samples=-1"]):
+        assert cli.run(["render", scene, "-o", str(tmp_path / output), "--frames", "1", *wrong]) == 2
+    assert os.listdir(tmp_path) == ["scene.yaml"]
+
+
 def test_a_plugin_file_can_be_used_at_once(capsys: pytest.CaptureFixture[str], scene: str, tmp_path: Path) -> None:
     plugin = tmp_path / "first_only.py"
     plugin.write_text(
