@@ -45,22 +45,20 @@ def light_surfaces(
     materials: np.ndarray,
     lights: np.ndarray,
     view: CameraView,
-    rows: np.ndarray,
     out: np.ndarray,
     workers: Workers,
 ) -> None:
-    """Unshadowed direct light of every light at `rows` into out (P, L, 3)."""
+    """Unshadowed direct light of every light at the n points of `surfaces`, into out (n, L, 3)."""
     matrix = view.world_from_view.astype(np.float32)
 
     def part(piece: slice) -> None:
-        some = rows[piece]
         if view.orthographic:
-            directions = np.ascontiguousarray(np.broadcast_to(-matrix[:3, 2], (len(some), 3)))
-            direct_light(some, surfaces, materials, lights, directions, False, out)
+            towards = np.ascontiguousarray(np.broadcast_to(-matrix[:3, 2], (piece.stop - piece.start, 3)))
         else:
-            direct_light(some, surfaces, materials, lights, matrix[None, :3, 3].copy(), True, out)
+            towards = matrix[None, :3, 3].copy()
+        direct_light(piece.start, piece.stop, surfaces, materials, lights, towards, not view.orthographic, out)
 
-    workers.map(part, chunks(len(rows), CHUNK, workers.threads))
+    workers.map(part, chunks(len(out), CHUNK, workers.threads))
 
 
 def compose(
@@ -69,7 +67,7 @@ def compose(
     environment: EnvironmentArrays,
     background: bool,
     view: CameraView,
-    rows: np.ndarray,
+    pixels: np.ndarray,
     direct: np.ndarray,
     layers: dict[str, np.ndarray],
     masks: dict[str, np.ndarray],
@@ -77,32 +75,32 @@ def compose(
     image: np.ndarray,
     workers: Workers,
 ) -> None:
-    """The sum of the layers at `rows` into image (P, 3). layers: visibility (P, L), ambient_occlusion (P, 1), reflection and
-    refraction (P, 3); masks: "reflection" (P,) uint8."""
+    """The sum of the layers at n points into image (n, 3). pixels (n,) int32: where in the picture they are.
+
+    layers: visibility (n, L), ambient_occlusion (n, 1), reflection and refraction (n, 3); masks: "reflection" (n,) uint8.
+    """
     camera = camera_rows(view)
 
     def part(piece: slice) -> None:
         composite(
-            rows[piece], surfaces, materials, camera, background, direct, layers["visibility"],
+            piece.start, piece.stop, pixels, surfaces, materials, camera, background, direct, layers["visibility"],
             layers["ambient_occlusion"].reshape(-1), layers["reflection"], masks["reflection"], layers["refraction"],
             environment, np.float32(exposure), image,
         )  # fmt: skip
 
-    workers.map(part, chunks(len(rows), CHUNK, workers.threads))
+    workers.map(part, chunks(len(image), CHUNK, workers.threads))
 
 
 def shade_flat(
     frame: Frame, gbuffer: GBuffer, view: CameraView, rows: np.ndarray, visibility: np.ndarray | None = None
 ) -> np.ndarray:
-    """(P, 3) float32 of another G-buffer of the same world at `rows`, as a raster renderer without ray effects sees it.
-
-    visibility (P, L): of the lights; everything is lit without it.
+    """(n, 3) float32 of another G-buffer of the same world at pixels `rows` (n,) int32, as a raster renderer without ray
+    effects sees it. visibility (n, L): of the lights; everything is lit without it.
     """
-    surfaces = surface_arrays(gbuffer)
-    count = gbuffer.width * gbuffer.height
-    lights = frame.world.lights
+    surfaces = SurfaceArrays(*(array[rows] for array in surface_arrays(gbuffer)))
+    count, lights = len(rows), frame.world.lights
     direct = np.empty((count, len(lights), 3), np.float32)
-    light_surfaces(surfaces, frame.materials.materials, lights, view, rows, direct, frame.workers)
+    light_surfaces(surfaces, frame.materials.materials, lights, view, direct, frame.workers)
     layers = {
         "visibility": np.ones((count, len(lights)), np.float32) if visibility is None else visibility,
         "ambient_occlusion": np.ones((count, 1), np.float32),

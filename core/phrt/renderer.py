@@ -182,7 +182,7 @@ class Renderer:
         count = view.width * view.height
         world, materials = self.world, material_arrays(self.world)
         direct = self._buffers.take((count, len(world.lights), 3))
-        light_surfaces(surfaces, materials.materials, world.lights, view, all_rows(count), direct, self.workers)
+        light_surfaces(surfaces, materials.materials, world.lights, view, direct, self.workers)
         stages.done("direct")
         frame = Frame(
             world=world,

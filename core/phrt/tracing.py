@@ -132,7 +132,7 @@ def gather(
             _NOWHERE, _NOWHERE, cone, False, rows, points, np.empty(count, np.uint8),
         )  # fmt: skip
         direct = np.empty((count, len(lights), 3), np.float32)
-        direct_light(rows, points, frame.materials.materials, lights, direction, False, direct)
+        direct_light(0, count, points, frame.materials.materials, lights, direction, False, direct)
         visibility, shadow_count = light_visibility(frame, points, rows, target.astype(np.uint32), direct, 0)
         total += shadow_count
         capacity = 2 * count + count

@@ -59,7 +59,8 @@ class RaycastProducer(GBufferProducer):
         pixels: np.ndarray | None = None,
     ) -> GBuffer:
         gbuffer = GBuffer(view.width, view.height)
-        for channel in CHANNELS.values():
+        # Motion is left out unless asked for: what nobody fills would hold an old frame's bytes.
+        for channel in (c for c in CHANNELS.values() if c.name != "motion" or "motion" in channels):
             shape: tuple[int, ...] = (view.height, view.width)
             gbuffer.arrays[channel.name] = self._buffers.take(shape if channel.components == 1 else (*shape, channel.components), channel.dtype)
         out = surface_arrays(gbuffer)
@@ -121,9 +122,9 @@ class RaycastProducer(GBufferProducer):
 
     def _pass_transparent(self, pixels: np.ndarray, out: SurfaceArrays, passed: np.ndarray) -> int:
         """Mark the hits on objects that let light through, too; returns how many rays go on."""
-        hit = passed == 0
-        see_through = ~self._world.object_opaque[out.object_id[pixels]] & (out.object_id[pixels] != 0)
-        passed[hit & see_through] = 1
+        written = np.flatnonzero(passed == 0)
+        object_id = out.object_id[pixels[written]]
+        passed[written[~self._world.object_opaque[object_id] & (object_id != 0)]] = 1
         return int(np.count_nonzero(passed))
 
     def _behind(

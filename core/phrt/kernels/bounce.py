@@ -89,7 +89,7 @@ def reflection_rays(rows, seeds, surfaces, materials, view, view_is_point, appli
     at_geometric_normal = surfaces.geometric_normal
     count = 0
     for i in range(len(rows)):
-        row = rows[i]
+        row = np.uint32(rows[i])
         material = at_material_id[row]
         roughness = at_roughness[row]
         if not applies[material] or roughness > cutoff:
@@ -145,7 +145,7 @@ def refraction_rays(rows, surfaces, geometry, materials, view, view_is_point, or
     at_primitive_id = surfaces.primitive_id
     count = 0
     for i in range(len(rows)):
-        row = rows[i]
+        row = np.uint32(rows[i])
         material_row = at_material_id[row]
         material = materials[material_row]
         through = at_transmission[row]

@@ -8,7 +8,7 @@ import numpy as np
 
 from phrt.kernels.environment import environment_radiance, irradiance
 from phrt.kernels.jit import device, kernel
-from phrt.kernels.light import dielectric_f0
+from phrt.kernels.light import BLOCK, dielectric_f0
 
 f32 = np.float32
 SMOOTH_GLASS = f32(0.1)
@@ -60,96 +60,146 @@ def ambient_light(sharp, harmonics, nx, ny, nz):
     return irradiance(harmonics, nx, ny, nz)
 
 
+@device
+def view_direction(camera, pixel, width):
+    """Unit direction of the eye ray through the centre of `pixel` (flat index); camera (5, 3) as `composite` takes it."""
+    sx = (f32(pixel % width) + f32(0.5)) * camera[4, 1] * f32(2.0) - f32(1.0)
+    sy = f32(1.0) - (f32(pixel // width) + f32(0.5)) * camera[4, 2] * f32(2.0)
+    if camera[4, 0] > f32(0.0):
+        sx, sy = f32(0.0), f32(0.0)
+    x = camera[3, 0] + camera[1, 0] * sx + camera[2, 0] * sy
+    y = camera[3, 1] + camera[1, 1] * sx + camera[2, 1] * sy
+    z = camera[3, 2] + camera[1, 2] * sx + camera[2, 2] * sy
+    scale = f32(1.0) / math.sqrt(x * x + y * y + z * z)
+    return x * scale, y * scale, z * scale
+
+
 @kernel
-def composite(rows, surfaces, materials, camera, background, direct, visibility, ao, reflection, reflection_mask,
+def composite(start, stop, pixels, surfaces, materials, camera, background, direct, visibility, ao, reflection, reflection_mask,
               refraction, environment, exposure, image):  # fmt: skip
-    """Layers into the picture: image[row] (rows, 3) linear, exposure applied.
+    """Layers into the picture: rows start..stop of image (n, 3), linear, exposure applied.
 
     L = emissive + (1 - F) (1 - metallic) (1 - transmission) base_color ambient ao + sum over lights direct visibility
         + F reflection + (1 - F) (1 - metallic) transmission base_color refraction;
     an alpha-blended surface covers what is behind it (the refraction layer) by its alpha.
-    camera (5, 3): eye, right * tan_half_x, up * tan_half_y, forward, (orthographic, 1 / width, 1 / height) with rows counted
-    along the picture; background: whether the dome is seen; reflection_mask (rows,) 0 where the dome stands in.
+    pixels (n,) int32, each row's place in the picture; camera (5, 3): eye, right * tan_half_x, up * tan_half_y, forward,
+    (orthographic, 1 / width, 1 / height); background: whether the dome is seen; reflection_mask (n,) 0 where the dome stands in.
+    Blocks of BLOCK rows, each step a loop without branches where it can be, so that the compiler makes vector instructions of it.
     """
     # Out of the loop: a tuple's array costs a reference count every time it is taken out.
-    at_object_id = surfaces.object_id
-    at_material_id = surfaces.material_id
-    at_base_color = surfaces.base_color
-    at_emissive = surfaces.emissive
-    at_transmission = surfaces.transmission
-    at_alpha = surfaces.alpha
-    at_normal = surfaces.normal
-    at_position = surfaces.position
-    at_metallic = surfaces.metallic
-    at_roughness = surfaces.roughness
-    dome_sharp = environment.sharp
-    dome_blurred = environment.blurred
-    dome_irradiance = environment.irradiance
+    object_id, material_id, position, normal = surfaces.object_id, surfaces.material_id, surfaces.position, surfaces.normal
+    base_color, emissive, alpha = surfaces.base_color, surfaces.emissive, surfaces.alpha
+    metallic, roughness, transmission = surfaces.metallic, surfaces.roughness, surfaces.transmission
+    sharp, blurred, harmonics = environment.sharp, environment.blurred, environment.irradiance
+    constant_dome = sharp.shape[1] == 1
     lights = direct.shape[1]
-    width = int(f32(1.0) / camera[4, 1] + f32(0.5))
-    for row in rows:
-        if at_object_id[row] == 0:
-            if not background:
-                image[row, 0] = f32(0.0)
-                image[row, 1] = f32(0.0)
-                image[row, 2] = f32(0.0)
-                continue
-            sx = (f32(row % width) + f32(0.5)) * camera[4, 1] * f32(2.0) - f32(1.0)
-            sy = f32(1.0) - (f32(row // width) + f32(0.5)) * camera[4, 2] * f32(2.0)
-            if camera[4, 0] > f32(0.0):
-                sx, sy = f32(0.0), f32(0.0)
-            dx = camera[3, 0] + camera[1, 0] * sx + camera[2, 0] * sy
-            dy = camera[3, 1] + camera[1, 1] * sx + camera[2, 1] * sy
-            dz = camera[3, 2] + camera[1, 2] * sx + camera[2, 2] * sy
-            scale = f32(1.0) / math.sqrt(dx * dx + dy * dy + dz * dz)
-            r, g, b = environment_radiance(dome_sharp, dome_blurred, dx * scale, dy * scale, dz * scale, f32(0.0))
-            image[row, 0], image[row, 1], image[row, 2] = r * exposure, g * exposure, b * exposure
-            continue
-        material = materials[at_material_id[row]]
-        red, green, blue = at_base_color[row, 0], at_base_color[row, 1], at_base_color[row, 2]
-        out_r, out_g, out_b = at_emissive[row, 0], at_emissive[row, 1], at_emissive[row, 2]
-        transmission = at_transmission[row]
-        alpha = at_alpha[row]
-        if material.unlit == 0:
-            nx, ny, nz = at_normal[row, 0], at_normal[row, 1], at_normal[row, 2]
-            if camera[4, 0] > f32(0.0):
-                vx, vy, vz = -camera[3, 0], -camera[3, 1], -camera[3, 2]
-            else:
-                vx = camera[0, 0] - at_position[row, 0]
-                vy = camera[0, 1] - at_position[row, 1]
-                vz = camera[0, 2] - at_position[row, 2]
-                scale = f32(1.0) / math.sqrt(vx * vx + vy * vy + vz * vz + f32(1e-20))
-                vx, vy, vz = vx * scale, vy * scale, vz * scale
-            n_dot_v = nx * vx + ny * vy + nz * vz
-            n_v = min(max(abs(n_dot_v), f32(1e-3)), f32(1.0))
-            metallic, roughness = at_metallic[row], at_roughness[row]
-            fr, fg, fb = reflectance(material, metallic, roughness, transmission, red, green, blue, n_v, material.ior)
-            for k in range(lights):
+    width = np.uint32(f32(1.0) / camera[4, 1] + f32(0.5))
+    n_v, f0, specular, lit = (np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32),
+                              np.empty(BLOCK, np.float32))  # fmt: skip
+    total, share = np.empty((3, BLOCK), np.float32), np.empty((3, BLOCK), np.float32)
+    ambient, mirrored = np.empty((3, BLOCK), np.float32), np.empty((3, BLOCK), np.float32)
+    for block in range(start, stop, BLOCK):
+        size = min(BLOCK, stop - block)
+        empty, special = 0, 0
+        for i in range(size):
+            material = materials[material_id[block + i]]
+            f0[i] = dielectric_f0(material.ior, material.specular)
+            specular[i] = material.specular
+            lit[i] = f32(0.0) if material.unlit else f32(1.0)
+            empty += object_id[block + i] == 0
+            special += transmission[block + i] > f32(0.0)
+
+        # The angle to the eye.
+        if camera[4, 0] > f32(0.0):
+            for i in range(size):
+                row = block + i
+                cosine = normal[row, 0] * camera[3, 0] + normal[row, 1] * camera[3, 1] + normal[row, 2] * camera[3, 2]
+                n_v[i] = min(max(abs(cosine), f32(1e-3)), f32(1.0))
+        else:
+            eye_x, eye_y, eye_z = camera[0, 0], camera[0, 1], camera[0, 2]
+            for i in range(size):
+                row = block + i
+                x, y, z = eye_x - position[row, 0], eye_y - position[row, 1], eye_z - position[row, 2]
+                cosine = normal[row, 0] * x + normal[row, 1] * y + normal[row, 2] * z
+                cosine = abs(cosine) / math.sqrt(x * x + y * y + z * z + f32(1e-20))
+                n_v[i] = min(max(cosine, f32(1e-3)), f32(1.0))
+
+        # Reflected share, as `reflectance` has it; smooth glass again, exactly.
+        for i in range(size):
+            row = block + i
+            w = f32(1.0) - n_v[i]
+            w2 = w * w
+            schlick = w2 * w2 * w
+            smooth = f32(1.0) - roughness[row]
+            plain = f0[i] + (max(smooth * specular[i], f0[i]) - f0[i]) * schlick
+            metal = metallic[row]
+            rest = plain * (f32(1.0) - metal)
+            r, g, b = base_color[row, 0], base_color[row, 1], base_color[row, 2]
+            share[0, i] = (rest + (r + (max(smooth, r) - r) * schlick) * metal) * lit[i]
+            share[1, i] = (rest + (g + (max(smooth, g) - g) * schlick) * metal) * lit[i]
+            share[2, i] = (rest + (b + (max(smooth, b) - b) * schlick) * metal) * lit[i]
+        if special:
+            for i in range(size):
+                row = block + i
+                if transmission[row] > f32(0.0) and roughness[row] <= SMOOTH_GLASS and metallic[row] == f32(0.0):
+                    f = fresnel_dielectric(n_v[i], materials[material_id[row]].ior) * specular[i] * lit[i]
+                    share[0, i], share[1, i], share[2, i] = f, f, f
+
+        # Emitted and direct light.
+        for i in range(size):
+            row = block + i
+            total[0, i], total[1, i], total[2, i] = emissive[row, 0], emissive[row, 1], emissive[row, 2]
+        for k in range(lights):
+            for i in range(size):
+                row = block + i
                 v = visibility[row, k]
-                out_r += direct[row, k, 0] * v
-                out_g += direct[row, k, 1] * v
-                out_b += direct[row, k, 2] * v
-            ar, ag, ab = ambient_light(dome_sharp, dome_irradiance, nx, ny, nz)
-            body = (f32(1.0) - metallic) * (f32(1.0) - transmission) * ao[row]
-            out_r += (f32(1.0) - fr) * body * red * ar
-            out_g += (f32(1.0) - fg) * body * green * ag
-            out_b += (f32(1.0) - fb) * body * blue * ab
-            if reflection_mask[row] == 0:
-                twice = f32(2.0) * n_dot_v
-                r, g, b = environment_radiance(
-                    dome_sharp, dome_blurred, twice * nx - vx, twice * ny - vy, twice * nz - vz, roughness
-                )
-                r, g, b = r * ao[row], g * ao[row], b * ao[row]
-            else:
-                r, g, b = reflection[row, 0], reflection[row, 1], reflection[row, 2]
-            out_r, out_g, out_b = out_r + fr * r, out_g + fg * g, out_b + fb * b
-            if transmission > f32(0.0):
-                through = (f32(1.0) - metallic) * transmission
-                out_r += (f32(1.0) - fr) * through * red * refraction[row, 0]
-                out_g += (f32(1.0) - fg) * through * green * refraction[row, 1]
-                out_b += (f32(1.0) - fb) * through * blue * refraction[row, 2]
-        if alpha < f32(1.0):
-            out_r = out_r * alpha + refraction[row, 0] * (f32(1.0) - alpha)
-            out_g = out_g * alpha + refraction[row, 1] * (f32(1.0) - alpha)
-            out_b = out_b * alpha + refraction[row, 2] * (f32(1.0) - alpha)
-        image[row, 0], image[row, 1], image[row, 2] = out_r * exposure, out_g * exposure, out_b * exposure
+                total[0, i] += direct[row, k, 0] * v
+                total[1, i] += direct[row, k, 1] * v
+                total[2, i] += direct[row, k, 2] * v
+
+        # The dome: diffuse, and in the mirror direction where no layer holds it.
+        if constant_dome:
+            for i in range(size):
+                ambient[0, i], ambient[1, i], ambient[2, i] = sharp[0, 0, 0, 0], sharp[0, 0, 0, 1], sharp[0, 0, 0, 2]
+                mirrored[0, i], mirrored[1, i], mirrored[2, i] = sharp[0, 0, 0, 0], sharp[0, 0, 0, 1], sharp[0, 0, 0, 2]
+        else:
+            for i in range(size):
+                row = block + i
+                nx, ny, nz = normal[row, 0], normal[row, 1], normal[row, 2]
+                ambient[0, i], ambient[1, i], ambient[2, i] = irradiance(harmonics, nx, ny, nz)
+                if reflection_mask[row] == 0:
+                    x, y, z = view_direction(camera, pixels[row], width)
+                    twice = f32(2.0) * (x * nx + y * ny + z * nz)
+                    x, y, z = x - twice * nx, y - twice * ny, z - twice * nz
+                    r, g, b = environment_radiance(sharp, blurred, x, y, z, roughness[row])
+                    mirrored[0, i], mirrored[1, i], mirrored[2, i] = r, g, b
+        for i in range(size):
+            row = block + i
+            held = reflection_mask[row] != 0
+            occlusion = ao[row]
+            r = reflection[row, 0] if held else mirrored[0, i] * occlusion
+            g = reflection[row, 1] if held else mirrored[1, i] * occlusion
+            b = reflection[row, 2] if held else mirrored[2, i] * occlusion
+            inside = (f32(1.0) - metallic[row]) * lit[i]
+            body = inside * (f32(1.0) - transmission[row]) * occlusion
+            through = inside * transmission[row]
+            cover = alpha[row]
+            red, green, blue = base_color[row, 0], base_color[row, 1], base_color[row, 2]
+            r = total[0, i] + share[0, i] * r
+            g = total[1, i] + share[1, i] * g
+            b = total[2, i] + share[2, i] * b
+            behind_r, behind_g, behind_b = refraction[row, 0], refraction[row, 1], refraction[row, 2]
+            r += (f32(1.0) - share[0, i]) * red * (body * ambient[0, i] + through * behind_r)
+            g += (f32(1.0) - share[1, i]) * green * (body * ambient[1, i] + through * behind_g)
+            b += (f32(1.0) - share[2, i]) * blue * (body * ambient[2, i] + through * behind_b)
+            image[row, 0] = (r * cover + behind_r * (f32(1.0) - cover)) * exposure
+            image[row, 1] = (g * cover + behind_g * (f32(1.0) - cover)) * exposure
+            image[row, 2] = (b * cover + behind_b * (f32(1.0) - cover)) * exposure
+        if empty:
+            for i in range(size):
+                row = block + i
+                if object_id[row] == 0:
+                    x, y, z = view_direction(camera, pixels[row], width)
+                    r, g, b = environment_radiance(sharp, blurred, x, y, z, f32(0.0))
+                    seen = exposure if background else f32(0.0)
+                    image[row, 0], image[row, 1], image[row, 2] = r * seen, g * seen, b * seen

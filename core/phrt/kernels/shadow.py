@@ -71,7 +71,7 @@ def shadow_rays(rows, seeds, surfaces, direct, lights, samples, seed, origin, di
         soft = extended and samples > 0
         repeats = max(repeats, 1)
         for i in range(len(rows)):
-            row = rows[i]
+            row = np.uint32(rows[i])
             if direct[row, k, 0] + direct[row, k, 1] + direct[row, k, 2] <= f32(0.0):
                 continue
             px, py, pz = at_position[row, 0], at_position[row, 1], at_position[row, 2]
@@ -114,7 +114,7 @@ def hemisphere_rays(rows, seeds, surfaces, samples, seed, radius, origin, direct
     at_normal = surfaces.normal
     count = 0
     for i in range(len(rows)):
-        row = rows[i]
+        row = np.uint32(rows[i])
         px, py, pz = at_position[row, 0], at_position[row, 1], at_position[row, 2]
         gx, gy, gz = at_geometric_normal[row, 0], at_geometric_normal[row, 1], at_geometric_normal[row, 2]
         nx, ny, nz = at_normal[row, 0], at_normal[row, 1], at_normal[row, 2]

@@ -16,14 +16,15 @@ MISS = np.uint32(NO_PRIMITIVE)
 
 
 @kernel
-def surface(direction, path_length, primitive, barycentric, geometry, materials, eye, forward, cone, cull, target, out, passed):
+def surface(direction, path_length, primitive, barycentric, geometry, materials, eye, forward, cone, eye_ray, target, out, passed):
     """Fill row target[i] of `out` with the surface ray i hit, for n rays.
 
     direction (n, 3) unit; path_length (n,) metres travelled from the eye, for the ray cone; primitive (n,) uint32;
     barycentric (n, 2); eye, forward (3,) for `depth`; cone (2,): width at the eye in metres, and spread per metre;
-    cull: leave out back faces of single-sided materials; target (n,) int32; passed (n,) uint8, set to 1 where the ray
-    must go on behind this hit (a hole of an alpha mask, or a culled face), else 0. Misses get the channels' clear values.
-    Returns how many must go on.
+    target (n,) int32. Misses get the channels' clear values.
+    eye_ray: back faces of single-sided materials and holes of alpha masks are not there: passed (n,) uint8 is set to 1 where
+    the ray must go on behind its hit, and that row is not written. Other rays have passed their holes before
+    (`phrt.tracing.nearest`) and see both sides. Returns how many must go on.
     """
     # Out of the loop: a tuple's array costs a reference count every time it is taken out.
     g_triangles = geometry.triangles
@@ -56,7 +57,7 @@ def surface(direction, path_length, primitive, barycentric, geometry, materials,
     out_uv = out.uv
     going_on = 0
     for i in range(len(primitive)):
-        row = target[i]
+        row = np.uint32(target[i])
         passed[i] = 0
         p = primitive[i]
         if p == MISS:
@@ -93,7 +94,7 @@ def surface(direction, path_length, primitive, barycentric, geometry, materials,
         facing = gx * dx + gy * dy + gz * dz
         material_row = g_triangle_material[p]
         material = m_materials[material_row]
-        if cull and facing > f32(0.0) and material.double_sided == 0:
+        if eye_ray and facing > f32(0.0) and material.double_sided == 0:
             passed[i] = 1
             going_on += 1
             continue
@@ -121,7 +122,7 @@ def surface(direction, path_length, primitive, barycentric, geometry, materials,
             green *= g_colors[a, 1] * wa + g_colors[b, 1] * wb + g_colors[c, 1] * wc
             blue *= g_colors[a, 2] * wa + g_colors[b, 2] * wb + g_colors[c, 2] * wc
             alpha *= g_colors[a, 3] * wa + g_colors[b, 3] * wb + g_colors[c, 3] * wc
-        if material.alpha_mode == ALPHA_MASK and alpha < material.alpha_cutoff:
+        if eye_ray and material.alpha_mode == ALPHA_MASK and alpha < material.alpha_cutoff:
             passed[i] = 1
             going_on += 1
             continue

@@ -12,7 +12,7 @@ from phrt.kernels.along import environment_along
 def behind(frame: Frame, pixels: np.ndarray) -> np.ndarray:
     """(n, 3) float32 light from the nearest opaque surface behind `pixels` (n,), lit by every light without shadows."""
     gbuffer = frame.producer.render(frame.view, opaque_only=True, pixels=pixels)
-    return shade_flat(frame, gbuffer, frame.view, pixels)[pixels]
+    return shade_flat(frame, gbuffer, frame.view, pixels)
 
 
 def environment_through(frame: Frame, pixels: np.ndarray) -> np.ndarray:
