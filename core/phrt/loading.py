@@ -43,7 +43,8 @@ def load_scene(
         raise AssetError(f"{file}: {'is not a file' if file.exists() else 'there is no such file'}")
     changes = _as_mapping(overrides)
     variant = _variant(changes, variant)
-    roots = AssetRoots(file.parent, [Path(folder) for folder in search or ()])
+    # A link to a scene may name what lies beside the link and what lies beside the scene.
+    roots = AssetRoots(file.parent, [file.resolve().parent, *(Path(folder) for folder in search or ())])
     problems = Problems()
     if file.suffix.lower() in DESCRIPTOR_SUFFIXES:
         scene = _described(file, roots, changes, variant, problems)
@@ -61,7 +62,9 @@ def _described(
     name, opinions = composer.file(resolved, variant, str(file))
     overridden(opinions, marked(overrides), problems)
     stage = stage_of(name, opinions, composer.variants, problems)
-    return Builder(stage, roots, file, problems).build()
+    scene = Builder(stage, roots, file, problems).build()
+    scene.situation = composer.variant
+    return scene
 
 
 def _bare_model(

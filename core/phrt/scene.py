@@ -85,7 +85,7 @@ class RenderSettings:
 
 @dataclass
 class Scene:
-    """Everything a descriptor or a model file says, composed and resolved."""
+    """Everything a descriptor or a model file says, composed and resolved. situation: the selected variant."""
 
     name: str
     source: Path | None = None
@@ -99,6 +99,7 @@ class Scene:
     tracks: list[Track] = field(default_factory=list)
     dome: Dome = field(default_factory=Dome)
     settings: RenderSettings = field(default_factory=RenderSettings)
+    situation: str = "default"
 
     @property
     def triangle_count(self) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 from phrt.description.assets import AssetRoots
 from phrt.description.convert import LightPrim, changed_material, lens_of, light_of, settings_of, texture_slots
 from phrt.description.fields import Described
-from phrt.description.inherited import Inherited, prim_name, unique
+from phrt.description.inherited import Inherited, prim_name, unique, warn_of_unknown_effects
 from phrt.description.layers import DESCRIPTOR_SUFFIXES, Stage
 from phrt.description.models import ModelStore
 from phrt.description.motion import animation_tracks, camera_rest, camera_tracks, look_at_matrix, matrix_of
@@ -100,6 +100,8 @@ class Builder:
                 name = kind.__name__.removesuffix("Prim")
                 self.problems.add(self.stage.prims[path].mark, path, f"a second {name}; the first is {found[0]}")
         for path, prim in self._prims.items():
+            if isinstance(prim, PrimBase):
+                warn_of_unknown_effects(prim, self.stage.prims[path], path)
             if isinstance(prim, PrimBase) and prim.material is not None and not self._below_reference(prim.material):
                 self._check_material(prim.material, self.stage.prims[path].mark_of(("material",)), path)
 

@@ -31,7 +31,16 @@ def _clean_path(value: str) -> str:
     return value
 
 
-Real = Annotated[float, Strict(), AllowInfNan(False)]
+def _not_huge(value: float) -> float:
+    if abs(value) > LARGEST:
+        raise ValueError(f"given {value:g}; at most {LARGEST:g} in size")
+    return value
+
+
+LARGEST = 1e18
+"""Beyond this, squares of numbers do not fit single precision."""
+
+Real = Annotated[float, Strict(), AllowInfNan(False), AfterValidator(_not_huge)]
 RealOrInf = Annotated[float, Strict()]
 Flag = Annotated[bool, Strict()]
 Text = Annotated[str, Field(min_length=1, max_length=4096)]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field
 
 from phrt.description.prims import PrimBase
 from phrt.description.problems import Mark
 from phrt.description.values import Value
+from phrt.errors import PhrtWarning, did_you_mean
 from phrt.scene import EffectSwitch
 
 
@@ -48,3 +50,17 @@ def unique(path: str, taken: set[str]) -> str:
         result, number = f"{path}_{number}", number + 1
     taken.add(result)
     return result
+
+
+def warn_of_unknown_effects(prim: PrimBase, value: Value, path: str) -> None:
+    """A switch for an effect that is not installed changes nothing, which may be meant, or a slip of the pen."""
+    if not prim.effects:
+        return
+    from phrt.registry.manager import get_registry
+
+    known = get_registry().names("effect")
+    for name in prim.effects:
+        if name not in known:
+            mark = value.mark_of(("effects", name))
+            message = f"{mark}: {path}: effects: there is no effect '{name}' here; known are {', '.join(known)}."
+            warnings.warn(message + did_you_mean(name, known), PhrtWarning, stacklevel=2)

@@ -55,6 +55,7 @@ class Composer:
         self._problems = problems
         self._texts: dict[Path, Value] = {}
         self._layers = 0
+        self.variant = "default"
         self.variants: list[str] = []
 
     def file(self, path: Path, variant: str | None, shown: str) -> tuple[str, Opinions]:
@@ -71,6 +72,7 @@ class Composer:
             return path.stem, {}
         chosen = variant or _text(value, "variant") or "default"
         known: dict[str, Mark] = {}
+        self.variant = chosen
         opinions = self._layer(value, path, chosen, (path,), known)
         if chosen != "default" and chosen not in known:
             mark = value.mark_of(("variant",))

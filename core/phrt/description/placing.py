@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phrt.description.convert import changed_lens, changed_light
-from phrt.description.inherited import Inherited, prim_name
+from phrt.description.inherited import Inherited, prim_name, warn_of_unknown_effects
 from phrt.description.motion import animation_tracks, matrix_of
 from phrt.description.prims import CameraOver, LightOver, ModelOver, ReferencePrim
 from phrt.description.validation import validated
@@ -75,6 +75,8 @@ class ModelPlacer:
             return None, above
         kind = LightOver if node.light is not None else CameraOver if node.camera is not None else ModelOver
         over = validated(kind, value, path, self._builder.problems)
+        if over is not None:
+            warn_of_unknown_effects(over, value, path)
         return over, above if over is None else above.below(over, value)
 
     def _contents(

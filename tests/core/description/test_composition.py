@@ -76,6 +76,7 @@ def test_a_variant_wins_over_its_file_and_default_is_always_there(load: Load) ->
     assert radius_of(load(text), "/Ball") == pytest.approx(2)
     assert radius_of(load(text, variant="default"), "/Ball") == pytest.approx(2)
     big = load(text, variant="big")
+    assert (load(text).situation, big.situation) == ("default", "big")
     assert radius_of(big, "/Ball") == pytest.approx(7)
     assert len(big.objects) == 2
     assert radius_of(load(text, overrides=["variant=big"]), "/Ball") == pytest.approx(7)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from phrt.errors import AssetError, OptionError, SceneError
+from phrt.errors import AssetError, OptionError, PhrtWarning, SceneError
 from phrt.loading import load_scene
 
 ErrorOf = Callable[..., str]
@@ -50,6 +50,7 @@ def test_an_unknown_enum_value_lists_the_values(error_of: ErrorOf) -> None:
         ("radius: big", "radius: given 'big'; wanted a number"),
         ("radius: -1", "radius: given -1; input should be greater than 0"),
         ("radius: .nan", "radius: given nan; "),
+        ("radius: 1e30", "radius: given 1e+30; at most 1e+18 in size"),
         ("subdivision: 2.5", "subdivision: given 2.5; wanted a whole number"),
         ("subdivision: 9", "subdivision: given 9; input should be less than or equal to 7"),
         ("visible: 1", "visible: given 1; wanted true or false"),
@@ -254,6 +255,21 @@ def test_text_that_is_not_utf8_is_refused(tmp_path: Path) -> None:
     path.write_bytes(b"name: \xff\xfe\n")
     with pytest.raises(SceneError, match="is not UTF-8 text"):
         load_scene(path)
+
+
+def test_a_switch_for_an_unknown_effect_is_a_warning_with_the_nearest_name(write: Write) -> None:
+    path = write("prims:\n  Ball:\n    type: Sphere\n    effects: {shadow: never}\n")
+    with pytest.warns(PhrtWarning, match=r"scene.yaml:4: /Ball: .*no effect 'shadow' here.*Did you mean 'shadows'"):
+        load_scene(path)
+
+
+def test_a_scene_behind_a_link_finds_its_files(write: Write, tmp_path: Path) -> None:
+    write("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "real/triangle.obj")
+    write("prims:\n  There: {type: Mesh, asset: triangle.obj}\n", "real/scene.yaml")
+    (tmp_path / "links").mkdir()
+    for name in ("scene.yaml", "triangle.obj"):
+        (tmp_path / "links" / name).symlink_to(tmp_path / "real" / name)
+        assert len(load_scene(tmp_path / "links" / name).objects) == 1
 
 
 def test_a_missing_file_and_a_folder_are_named(tmp_path: Path) -> None:
