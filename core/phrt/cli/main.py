@@ -14,7 +14,7 @@ from phrt.cli.doctor import doctor
 from phrt.cli.plugins import plugins_app
 from phrt.cli.render import render
 from phrt.cli.schema import schema
-from phrt.errors import InputError
+from phrt.errors import InputError, PluginError
 
 OUR_FAULT, INPUT_WRONG, INTERRUPTED = 1, 2, 130
 
@@ -36,7 +36,21 @@ class CommandsAndPlugins(TyperGroup):
         registry = get_registry()
         if cmd_name not in registry.names("command"):
             return None
-        return typer.main.get_command(registry.create("command", cmd_name))
+        try:
+            return typer.main.get_command(registry.create("command", cmd_name))
+        except PluginError as error:
+            return failing_command(cmd_name, error)
+
+
+def failing_command(name: str, error: PluginError) -> Any:
+    """A command that says why it cannot run: `phrt --help` lists it, and only using it is an error."""
+    stand_in = typer.Typer(rich_markup_mode=None)
+
+    @stand_in.command(name, help="Cannot be used here.", context_settings={"ignore_unknown_options": True})
+    def fail(arguments: Annotated[list[str] | None, typer.Argument(hidden=True)] = None) -> None:
+        raise error
+
+    return typer.main.get_command(stand_in)
 
 
 app = typer.Typer(

@@ -5,15 +5,17 @@ from __future__ import annotations
 import json
 import os
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from PIL import Image
 
 from phrt.cli import main as cli
 from phrt.cli.doctor import PROBED_KINDS
-from phrt.registry import get_registry
+from phrt.registry import CommandPlugin, get_registry
 
 PROJECT = Path(__file__).resolve().parents[3]
 
@@ -299,3 +301,40 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     import phrt as package
 
     assert phrt(capsys, "--version")[0] == f"phrt {package.__version__}\n"
+
+
+# Commands of plugins
+
+
+def make_command(options: object) -> typer.Typer:
+    """The factory of a command plugin."""
+    made = typer.Typer()
+
+    @made.command(help="Says hello.")
+    def hello(name: str) -> None:
+        print(f"hello {name}")
+
+    return made
+
+
+@pytest.fixture
+def command_plugins() -> Iterator[None]:
+    for name, factory in {"hello": f"{__name__}:make_command", "broken": "no_such_module_anywhere:x"}.items():
+        get_registry().register(CommandPlugin(name, "", factory), owner=f"test {name}")
+    yield
+    for name in ("hello", "broken"):
+        get_registry()._forget(f"test {name}")
+
+
+@pytest.mark.usefixtures("command_plugins")
+def test_a_plugin_can_bring_a_command(capsys: pytest.CaptureFixture[str]) -> None:
+    assert phrt(capsys, "hello", "world")[0] == "hello world\n"
+
+
+@pytest.mark.usefixtures("command_plugins")
+def test_a_broken_command_spoils_neither_the_help_nor_other_commands(capsys: pytest.CaptureFixture[str]) -> None:
+    help_text, _ = phrt(capsys, "--help")
+    assert "hello" in help_text
+    assert "broken" in help_text
+    assert cli.run(["broken", "x", "--y"]) == 2
+    assert "command 'broken' of test broken is broken: 'no_such_module_anywhere:x'" in capsys.readouterr().err
