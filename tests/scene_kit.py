@@ -134,7 +134,7 @@ class Stage:
 
 
 def render(scene: Scene, size: tuple[int, int] = (32, 32), **options: Any) -> FrameResult:
-    """One checked frame by ray casting: a valid G-buffer and an image without NaN or infinity. An effect that fails raises."""
+    """One checked frame by ray casting: a valid G-buffer, an image without NaN or infinity; a failing effect raises."""
     options = {"gbuffer": "raycast", "threads": 2, "strict": True} | options
     with phrt.Renderer(scene, size=size, **options) as renderer:
         frame = renderer.render()
@@ -167,5 +167,3 @@ def write_evidence(folder: Path, **pictures: np.ndarray) -> Path:
         grey = np.nan_to_num(np.clip(picture, 0, 1)) ** (1 / 2.2)
         Picture.fromarray((grey * 255 + 0.5).astype(np.uint8)).save(folder / f"{name}.png")
     return folder
-
-

@@ -1,7 +1,7 @@
 """All-traced pictures against Mitsuba 3, an independent renderer, on the same triangles.
 
-What Mitsuba adds and PHRT does not compute is light between diffuse surfaces. Surfaces are therefore dark and lights strong:
-the share of that light falls with the albedo, 1 % here, and stays far below the tolerance.
+What Mitsuba adds and PHRT does not compute is light between diffuse surfaces. Surfaces are therefore dark and lights
+strong: the share of that light falls with the albedo, 1 % here, and stays far below the tolerance.
 """
 
 from __future__ import annotations
