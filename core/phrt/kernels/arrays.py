@@ -27,7 +27,7 @@ class GeometryArrays(NamedTuple):
 
 
 class MaterialArrays(NamedTuple):
-    """Material table and texture atlas; see phrt.materials and phrt.textures."""
+    """Material table and texture atlas; see phrt.materials and phrt.textures. `texels` is (n,) uint32, r g b a from the lowest byte."""
 
     materials: np.ndarray
     texels: np.ndarray
@@ -75,7 +75,7 @@ def geometry_arrays(world: World) -> GeometryArrays:
 
 def material_arrays(world: World) -> MaterialArrays:
     atlas = world.textures
-    return MaterialArrays(world.materials, atlas.texels, atlas.table, atlas.level_start)
+    return MaterialArrays(world.materials, atlas.texels.reshape(-1).view("<u4"), atlas.table, atlas.level_start)
 
 
 def environment_arrays(world: World) -> EnvironmentArrays:

@@ -50,6 +50,13 @@ def falloff(light, lx, ly, lz, square):
     return factor
 
 
+# Rows of the block `direct_light` works in: one array, because the compiler makes vector loops only where it can tell that
+# what is written is not what is read, and it gives up telling among many arrays.
+_NX, _NY, _NZ, _VX, _VY, _VZ, _LX, _LY, _LZ = 0, 1, 2, 3, 4, 5, 6, 7, 8
+_RED, _GREEN, _BLUE, _METAL, _DIFFUSE, _ALPHA2, _SHINY, _F0, _F90, _LIT, _REACH, _PX, _PY, _PZ, _NV = range(9, 24)
+_ROWS = 24
+
+
 @kernel
 def direct_light(start, stop, surfaces, materials, lights, view, view_is_point, out):
     """Reflected radiance of every light at surface points start..stop, unshadowed: writes out (n, L, 3).
@@ -62,63 +69,66 @@ def direct_light(start, stop, surfaces, materials, lights, view, view_is_point, 
     position, normal, base_color = surfaces.position, surfaces.normal, surfaces.base_color
     metallic, roughness, transmission = surfaces.metallic, surfaces.roughness, surfaces.transmission
     material_id, object_id = surfaces.material_id, surfaces.object_id
-    towards = np.empty((3, BLOCK), np.float32)
-    plain, f90, shiny = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
-    to_light, reach = np.empty((3, BLOCK), np.float32), np.empty(BLOCK, np.float32)
+    at = np.zeros((_ROWS, BLOCK), np.float32)
+    radiance = np.empty((3, BLOCK), np.float32)
     for block in range(start, stop, BLOCK):
         size = min(BLOCK, stop - block)
-        # Material constants of every point; background and unlit surfaces reflect nothing.
+        # Everything about the points, side by side; background and unlit surfaces reflect nothing.
         for i in range(size):
-            material = materials[material_id[block + i]]
-            lit = f32(0.0) if object_id[block + i] == 0 or material.unlit else f32(1.0)
-            plain[i] = dielectric_f0(material.ior, material.specular)
-            f90[i] = material.specular
-            shiny[i] = lit
-        # The direction to the eye.
+            row = np.uint32(block + i)
+            material = materials[material_id[row]]
+            at[_LIT, i] = f32(0.0) if object_id[row] == 0 or material.unlit else f32(1.0)
+            at[_F0, i] = dielectric_f0(material.ior, material.specular)
+            at[_F90, i] = material.specular
+            at[_NX, i], at[_NY, i], at[_NZ, i] = normal[row, 0], normal[row, 1], normal[row, 2]
+            at[_PX, i], at[_PY, i], at[_PZ, i] = position[row, 0], position[row, 1], position[row, 2]
+            at[_RED, i], at[_GREEN, i], at[_BLUE, i] = base_color[row, 0], base_color[row, 1], base_color[row, 2]
+            at[_METAL, i], at[_ALPHA2, i], at[_DIFFUSE, i] = metallic[row], roughness[row], transmission[row]
         if view_is_point:
             eye_x, eye_y, eye_z = view[0, 0], view[0, 1], view[0, 2]
-            for i in range(size):
-                x = eye_x - position[block + i, 0]
-                y = eye_y - position[block + i, 1]
-                z = eye_z - position[block + i, 2]
+            for i in range(BLOCK):
+                x, y, z = eye_x - at[_PX, i], eye_y - at[_PY, i], eye_z - at[_PZ, i]
                 scale = f32(1.0) / math.sqrt(x * x + y * y + z * z + f32(1e-20))
-                towards[0, i], towards[1, i], towards[2, i] = x * scale, y * scale, z * scale
+                at[_VX, i], at[_VY, i], at[_VZ, i] = x * scale, y * scale, z * scale
         else:
             for i in range(size):
-                row = block - start + i
-                towards[0, i], towards[1, i], towards[2, i] = -view[row, 0], -view[row, 1], -view[row, 2]
+                row = np.uint32(block - start + i)
+                at[_VX, i], at[_VY, i], at[_VZ, i] = -view[row, 0], -view[row, 1], -view[row, 2]
+        for i in range(BLOCK):
+            metal, rough = at[_METAL, i], at[_ALPHA2, i]
+            at[_SHINY, i] = f32(0.0) if rough < MIRROR_ROUGHNESS else f32(0.5) * INV_PI
+            at[_ALPHA2, i] = max(rough * rough * rough * rough, f32(1e-6))
+            at[_DIFFUSE, i] = (f32(1.0) - metal) * (f32(1.0) - at[_DIFFUSE, i]) * INV_PI
+            at[_F0, i] = at[_F0, i] * (f32(1.0) - metal)
+            at[_F90, i] = at[_F90, i] * (f32(1.0) - metal) + metal
+            facing = at[_NX, i] * at[_VX, i] + at[_NY, i] * at[_VY, i] + at[_NZ, i] * at[_VZ, i]
+            at[_NV, i] = max(abs(facing), f32(1e-3))
         for k in range(len(lights)):
             light = lights[k]
             if light.kind == DIRECTIONAL:
-                for i in range(size):
-                    to_light[0, i], to_light[1, i], to_light[2, i] = -light.direction[0], -light.direction[1], -light.direction[2]
-                    reach[i] = shiny[i]
+                x, y, z = -light.direction[0], -light.direction[1], -light.direction[2]
+                for i in range(BLOCK):
+                    at[_LX, i], at[_LY, i], at[_LZ, i], at[_REACH, i] = x, y, z, at[_LIT, i]
             else:
                 light_x, light_y, light_z = light.position[0], light.position[1], light.position[2]
-                for i in range(size):
-                    x = light_x - position[block + i, 0]
-                    y = light_y - position[block + i, 1]
-                    z = light_z - position[block + i, 2]
+                plain = light.kind == POINT or light.kind == SPHERE
+                window = light.inverse_range * light.inverse_range
+                for i in range(BLOCK):
+                    x, y, z = light_x - at[_PX, i], light_y - at[_PY, i], light_z - at[_PZ, i]
                     square = max(x * x + y * y + z * z, f32(1e-8))
                     scale = f32(1.0) / math.sqrt(square)
-                    to_light[0, i], to_light[1, i], to_light[2, i] = x * scale, y * scale, z * scale
-                    reach[i] = square
-                if light.kind == POINT or light.kind == SPHERE:
-                    window = light.inverse_range * light.inverse_range
+                    at[_LX, i], at[_LY, i], at[_LZ, i] = x * scale, y * scale, z * scale
+                    ratio = square * window
+                    at[_REACH, i] = at[_LIT, i] * max(f32(1.0) - ratio * ratio, f32(0.0)) / square if plain else square
+                if not plain:
                     for i in range(size):
-                        ratio = reach[i] * window
-                        reach[i] = shiny[i] * max(f32(1.0) - ratio * ratio, f32(0.0)) / reach[i]
-                else:
-                    for i in range(size):
-                        reach[i] = shiny[i] * falloff(light, to_light[0, i], to_light[1, i], to_light[2, i], reach[i])
+                        at[_REACH, i] = at[_LIT, i] * falloff(light, at[_LX, i], at[_LY, i], at[_LZ, i], at[_REACH, i])
             red, green, blue = light.color[0], light.color[1], light.color[2]
-            for i in range(size):
-                row = block + i
-                nx, ny, nz = normal[row, 0], normal[row, 1], normal[row, 2]
-                lx, ly, lz = to_light[0, i], to_light[1, i], to_light[2, i]
-                vx, vy, vz = towards[0, i], towards[1, i], towards[2, i]
+            for i in range(BLOCK):
+                nx, ny, nz, n_v = at[_NX, i], at[_NY, i], at[_NZ, i], at[_NV, i]
+                lx, ly, lz = at[_LX, i], at[_LY, i], at[_LZ, i]
+                vx, vy, vz = at[_VX, i], at[_VY, i], at[_VZ, i]
                 n_l = max(nx * lx + ny * ly + nz * lz, f32(0.0))
-                n_v = max(abs(nx * vx + ny * vy + nz * vz), f32(1e-3))
                 hx, hy, hz = lx + vx, ly + vy, lz + vz
                 inverse = f32(1.0) / math.sqrt(max(hx * hx + hy * hy + hz * hz, f32(1e-12)))
                 v_h = max((vx * hx + vy * hy + vz * hz) * inverse, f32(0.0))
@@ -126,20 +136,19 @@ def direct_light(start, stop, surfaces, materials, lights, view, view_is_point, 
                 w = f32(1.0) - v_h
                 w2 = w * w
                 schlick = w2 * w2 * w
-                metal = metallic[row]
-                base = plain[i] * (f32(1.0) - metal)
-                grazing = f90[i] * (f32(1.0) - metal) + metal
-                rough = roughness[row]
-                a2 = max(rough * rough * rough * rough, f32(1e-6))
+                a2 = at[_ALPHA2, i]
                 d = n_h * n_h * (a2 - f32(1.0)) + f32(1.0)
                 smith = n_l * math.sqrt(n_v * n_v * (f32(1.0) - a2) + a2) + n_v * math.sqrt(n_l * n_l * (f32(1.0) - a2) + a2)
-                specular = a2 * INV_PI / max(d * d, f32(1e-20)) * f32(0.5) / max(smith, f32(1e-12))
-                specular = f32(0.0) if rough < MIRROR_ROUGHNESS else specular
-                diffuse = (f32(1.0) - metal) * (f32(1.0) - transmission[row]) * INV_PI
-                arriving = reach[i] * n_l
-                r, g, b = base_color[row, 0], base_color[row, 1], base_color[row, 2]
-                fr, fg, fb = base + r * metal, base + g * metal, base + b * metal
+                specular = a2 * at[_SHINY, i] / max(d * d * smith, f32(1e-20))
+                metal, grazing = at[_METAL, i], at[_F90, i]
+                r, g, b = at[_RED, i], at[_GREEN, i], at[_BLUE, i]
+                fr, fg, fb = at[_F0, i] + r * metal, at[_F0, i] + g * metal, at[_F0, i] + b * metal
                 fr, fg, fb = fr + (grazing - fr) * schlick, fg + (grazing - fg) * schlick, fb + (grazing - fb) * schlick
-                out[row, k, 0] = ((f32(1.0) - fr) * diffuse * r + fr * specular) * red * arriving
-                out[row, k, 1] = ((f32(1.0) - fg) * diffuse * g + fg * specular) * green * arriving
-                out[row, k, 2] = ((f32(1.0) - fb) * diffuse * b + fb * specular) * blue * arriving
+                arriving = at[_REACH, i] * n_l
+                diffuse = at[_DIFFUSE, i]
+                radiance[0, i] = ((f32(1.0) - fr) * diffuse * r + fr * specular) * red * arriving
+                radiance[1, i] = ((f32(1.0) - fg) * diffuse * g + fg * specular) * green * arriving
+                radiance[2, i] = ((f32(1.0) - fb) * diffuse * b + fb * specular) * blue * arriving
+            for i in range(size):
+                row = np.uint32(block + i)
+                out[row, k, 0], out[row, k, 1], out[row, k, 2] = radiance[0, i], radiance[1, i], radiance[2, i]

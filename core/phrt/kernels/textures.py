@@ -9,6 +9,8 @@ from phrt.kernels.mipmaps import SRGB_TO_LINEAR
 
 f32 = np.float32
 BYTE = f32(1.0 / 255.0)
+# A texel is one 32-bit word, red in its lowest byte: one load in place of four.
+LOW, G, B, A = np.uint32(255), np.uint32(8), np.uint32(16), np.uint32(24)
 
 
 @device
@@ -60,18 +62,19 @@ def bilinear(texels, start, width, height, u, v, wrap_s, wrap_t, srgb):
     k, m = start + np.uint32(y1 * width + x0), start + np.uint32(y1 * width + x1)
     a, b = (f32(1.0) - fx) * (f32(1.0) - fy), fx * (f32(1.0) - fy)
     c, d = (f32(1.0) - fx) * fy, fx * fy
-    alpha = (f32(texels[i, 3]) * a + f32(texels[j, 3]) * b + f32(texels[k, 3]) * c + f32(texels[m, 3]) * d) * BYTE
+    p, q, s, t = texels[i], texels[j], texels[k], texels[m]
+    alpha = (f32(p >> A) * a + f32(q >> A) * b + f32(s >> A) * c + f32(t >> A) * d) * BYTE
     if srgb:
-        red = SRGB_TO_LINEAR[texels[i, 0]] * a + SRGB_TO_LINEAR[texels[j, 0]] * b
-        red += SRGB_TO_LINEAR[texels[k, 0]] * c + SRGB_TO_LINEAR[texels[m, 0]] * d
-        green = SRGB_TO_LINEAR[texels[i, 1]] * a + SRGB_TO_LINEAR[texels[j, 1]] * b
-        green += SRGB_TO_LINEAR[texels[k, 1]] * c + SRGB_TO_LINEAR[texels[m, 1]] * d
-        blue = SRGB_TO_LINEAR[texels[i, 2]] * a + SRGB_TO_LINEAR[texels[j, 2]] * b
-        blue += SRGB_TO_LINEAR[texels[k, 2]] * c + SRGB_TO_LINEAR[texels[m, 2]] * d
+        red = SRGB_TO_LINEAR[p & LOW] * a + SRGB_TO_LINEAR[q & LOW] * b
+        red += SRGB_TO_LINEAR[s & LOW] * c + SRGB_TO_LINEAR[t & LOW] * d
+        green = SRGB_TO_LINEAR[(p >> G) & LOW] * a + SRGB_TO_LINEAR[(q >> G) & LOW] * b
+        green += SRGB_TO_LINEAR[(s >> G) & LOW] * c + SRGB_TO_LINEAR[(t >> G) & LOW] * d
+        blue = SRGB_TO_LINEAR[(p >> B) & LOW] * a + SRGB_TO_LINEAR[(q >> B) & LOW] * b
+        blue += SRGB_TO_LINEAR[(s >> B) & LOW] * c + SRGB_TO_LINEAR[(t >> B) & LOW] * d
         return red, green, blue, alpha
-    red = (f32(texels[i, 0]) * a + f32(texels[j, 0]) * b + f32(texels[k, 0]) * c + f32(texels[m, 0]) * d) * BYTE
-    green = (f32(texels[i, 1]) * a + f32(texels[j, 1]) * b + f32(texels[k, 1]) * c + f32(texels[m, 1]) * d) * BYTE
-    blue = (f32(texels[i, 2]) * a + f32(texels[j, 2]) * b + f32(texels[k, 2]) * c + f32(texels[m, 2]) * d) * BYTE
+    red = (f32(p & LOW) * a + f32(q & LOW) * b + f32(s & LOW) * c + f32(t & LOW) * d) * BYTE
+    green = (f32((p >> G) & LOW) * a + f32((q >> G) & LOW) * b + f32((s >> G) & LOW) * c + f32((t >> G) & LOW) * d) * BYTE
+    blue = (f32((p >> B) & LOW) * a + f32((q >> B) & LOW) * b + f32((s >> B) & LOW) * c + f32((t >> B) & LOW) * d) * BYTE
     return red, green, blue, alpha
 
 
@@ -89,10 +92,11 @@ def sample_texture(texels, textures, level_start, row, u0, v0, u1, v1, footprint
         x = min(np.int32(tu * f32(texture.width)), texture.width - np.int32(1))
         y = min(np.int32(tv * f32(texture.height)), texture.height - np.int32(1))
         i = level_start[row, 0] + np.uint32(y * texture.width + x)
-        alpha = f32(texels[i, 3]) * BYTE
+        t = texels[i]
+        alpha = f32(t >> A) * BYTE
         if srgb:
-            return SRGB_TO_LINEAR[texels[i, 0]], SRGB_TO_LINEAR[texels[i, 1]], SRGB_TO_LINEAR[texels[i, 2]], alpha
-        return f32(texels[i, 0]) * BYTE, f32(texels[i, 1]) * BYTE, f32(texels[i, 2]) * BYTE, alpha
+            return SRGB_TO_LINEAR[t & LOW], SRGB_TO_LINEAR[(t >> G) & LOW], SRGB_TO_LINEAR[(t >> B) & LOW], alpha
+        return f32(t & LOW) * BYTE, f32((t >> G) & LOW) * BYTE, f32((t >> B) & LOW) * BYTE, alpha
     level = np.int32(min(max(footprint + texture.log2_size + f32(0.5), f32(0.0)), f32(texture.levels) - f32(0.5)))
     width, height = max(texture.width >> level, np.int32(1)), max(texture.height >> level, np.int32(1))
     start = level_start[row, level]
