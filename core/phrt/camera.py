@@ -113,7 +113,11 @@ def rigid(matrix: np.ndarray) -> np.ndarray:
     return result
 
 
-def look_at(eye: tuple[float, float, float], target: tuple[float, float, float], up: tuple[float, float, float] = (0.0, 1.0, 0.0)) -> np.ndarray:
+def look_at(
+    eye: tuple[float, float, float],
+    target: tuple[float, float, float],
+    up: tuple[float, float, float] = (0.0, 1.0, 0.0),
+) -> np.ndarray:
     """(4, 4) float64 world_from_view of a camera at `eye` looking at `target`. Any up serves, even one along the view."""
     matrix = np.eye(4)
     back = np.subtract(eye, target).astype(np.float64)

@@ -31,8 +31,17 @@ CHANNELS: dict[str, Channel] = {
     for channel in (
         Channel("depth", np.float32, 1, "view space, metres", np.inf, "distance along the camera's -Z"),
         Channel("position_world", np.float32, 3, "world space, metres", 0.0, "the visible point"),
-        Channel("normal_world", np.float32, 3, "world space, unit", 0.0, "shading normal, normal map applied, facing the eye"),
-        Channel("normal_geometric_world", np.float32, 3, "world space, unit", 0.0, "the triangle's normal, facing the eye"),
+        Channel(
+            "normal_world",
+            np.float32,
+            3,
+            "world space, unit",
+            0.0,
+            "shading normal, normal map applied, facing the eye",
+        ),
+        Channel(
+            "normal_geometric_world", np.float32, 3, "world space, unit", 0.0, "the triangle's normal, facing the eye"
+        ),
         Channel("uv", np.float32, 2, "texture space", 0.0, "first texture coordinate set; v runs down as in glTF"),
         Channel("object_id", np.uint32, 1, "id", 0, "which object; 0 is the background"),
         Channel("primitive_id", np.uint32, 1, "id", int(NO_PRIMITIVE), "which triangle of the scene"),
@@ -43,7 +52,14 @@ CHANNELS: dict[str, Channel] = {
         Channel("roughness", np.float32, 1, "0..1", 1.0, "perceptual roughness; alpha of GGX is its square"),
         Channel("transmission", np.float32, 1, "0..1", 0.0, "share of the non-specular light that passes through"),
         Channel("emissive", np.float32, 3, "linear Rec.709, nits", 0.0, "light the surface sends out itself"),
-        Channel("motion", np.float32, 2, "pixels, x right, y down", 0.0, "where the point was in the previous frame, minus here"),
+        Channel(
+            "motion",
+            np.float32,
+            2,
+            "pixels, x right, y down",
+            0.0,
+            "where the point was in the previous frame, minus here",
+        ),
     )
 }
 
@@ -81,8 +97,12 @@ class GBuffer:
         """Raise `ValueError` where a channel's shape, dtype or values break the table. Used by tests, not per frame."""
         for name, array in self.arrays.items():
             channel = CHANNELS[name]
-            shape = (self.height, self.width) if channel.components == 1 else (self.height, self.width, channel.components)
+            shape = (
+                (self.height, self.width) if channel.components == 1 else (self.height, self.width, channel.components)
+            )
             if array.shape != shape or array.dtype != channel.dtype:
-                raise ValueError(f"channel '{name}' is {array.dtype}{array.shape}, expected {np.dtype(channel.dtype)}{shape}")
+                raise ValueError(
+                    f"channel '{name}' is {array.dtype}{array.shape}, expected {np.dtype(channel.dtype)}{shape}"
+                )
             if np.isnan(array).any() or (name != "depth" and np.isinf(array).any()):
                 raise ValueError(f"channel '{name}' holds NaN or infinity")

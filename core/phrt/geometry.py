@@ -42,9 +42,10 @@ class FlatGeometry:
             matrix[object_id] = override
         moved = np.flatnonzero((matrix != self.object_matrix).any(axis=(1, 2)))
         self.object_matrix = matrix
-        for object_id in moved:
-            self._place(int(object_id))
-        return [int(object_id) for object_id in moved]
+        ids = [int(row) for row in moved]
+        for row in ids:
+            self._place(row)
+        return ids
 
     def _place(self, object_id: int) -> None:
         """Write object `object_id`'s world-space vertices from its local ones."""
@@ -122,10 +123,17 @@ def _copy_object(geometry: FlatGeometry, object_id: int, mesh: Mesh) -> None:
     rows = slice(first, first + count)
     geometry.local_positions[rows] = mesh.positions
     geometry.local_normals[rows] = mesh.normals
-    for name, values in (("uv0", mesh.uv0), ("uv1", mesh.uv1), ("colors", mesh.colors), ("local_tangents", mesh.tangents)):
+    for name, values in (
+        ("uv0", mesh.uv0),
+        ("uv1", mesh.uv1),
+        ("colors", mesh.colors),
+        ("local_tangents", mesh.tangents),
+    ):
         if values is not None:
             getattr(geometry, name)[rows] = values
-    faces = slice(geometry.first_triangle[object_id], geometry.first_triangle[object_id] + geometry.triangle_count[object_id])
+    faces = slice(
+        geometry.first_triangle[object_id], geometry.first_triangle[object_id] + geometry.triangle_count[object_id]
+    )
     mirrored = np.linalg.det(geometry.object_matrix[object_id][:3, :3]) < 0
     geometry.triangles[faces] = mesh.triangles[:, [0, 2, 1]] if mirrored else mesh.triangles
     geometry.triangles[faces] += first

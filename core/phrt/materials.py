@@ -65,7 +65,16 @@ def material_table(materials: list[Material], texture_row: dict[tuple[int, str],
     for row, material in enumerate([Material(), *materials]):
         record = table[row]
         record["base_r"], record["base_g"], record["base_b"], record["alpha"] = material.base_color
-        for name in ("metallic", "roughness", "specular", "ior", "transmission", "alpha_cutoff", "normal_scale", "occlusion_strength"):
+        for name in (
+            "metallic",
+            "roughness",
+            "specular",
+            "ior",
+            "transmission",
+            "alpha_cutoff",
+            "normal_scale",
+            "occlusion_strength",
+        ):
             record[name] = getattr(material, name)
         record["absorb_r"], record["absorb_g"], record["absorb_b"] = absorption(material)
         record["emissive_r"], record["emissive_g"], record["emissive_b"] = material.emissive

@@ -121,7 +121,7 @@ class Light:
 
 @dataclass
 class CameraLens:
-    """A camera in its node's local space, looking down -Z. `fov_y` radians; orthographic when `ortho_height` is set (metres, full height)."""
+    """A camera in its node's local space, looking down -Z. fov_y: radians; ortho_height: metres, makes it orthographic."""
 
     name: str = ""
     fov_y: float = 0.8

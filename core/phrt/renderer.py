@@ -21,7 +21,7 @@ from phrt.interfaces.gbuffer import GBufferProducer
 from phrt.interfaces.heuristic import FrameContext, Heuristic
 from phrt.interfaces.tracer import Tracer
 from phrt.kernels.arrays import environment_arrays, geometry_arrays, material_arrays, surface_arrays
-from phrt.registry.auto import choose_gbuffer, choose_tracer
+from phrt.registry.auto import DEFAULT_EFFECTS, DEFAULT_HEURISTIC, choose_gbuffer, choose_tracer
 from phrt.registry.manager import get_registry
 from phrt.sampling import jitter_pattern
 from phrt.scene import Scene
@@ -31,8 +31,6 @@ from phrt.world import World
 
 DEFAULT_SIZE = (640, 360)
 MAX_SIDE = 16384
-DEFAULT_EFFECTS = ("shadows", "reflections", "refractions")
-"""What is traced when nobody names effects. A fixed list: installing a plugin never changes a picture."""
 FRAME_CHANNELS = tuple(name for name in CHANNELS if name != "motion")
 
 
@@ -95,7 +93,7 @@ class Renderer:
         self.tracer_name = choose_tracer(registry).name if tracer == "auto" else tracer
         self.gbuffer_name = choose_gbuffer(registry).name if gbuffer == "auto" else gbuffer
         self.effects: list[RayEffect] = _make_effects(scene, effects)
-        name = heuristic or scene.settings.heuristic or "all_trace"
+        name = heuristic or scene.settings.heuristic or DEFAULT_HEURISTIC
         self.heuristic: Heuristic = name if isinstance(name, Heuristic) else registry.create("heuristic", name)
         self.workers = Workers(threads)
         self.world = World(scene)
@@ -114,7 +112,9 @@ class Renderer:
     def __enter__(self) -> Renderer:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
     def close(self) -> None:
@@ -131,9 +131,13 @@ class Renderer:
                 return
         from phrt.errors import did_you_mean
 
-        raise OptionError(f"no object '{path}' in scene '{self.scene.name}'.{did_you_mean(path, [o.path for o in self.scene.objects])}")
+        raise OptionError(
+            f"no object '{path}' in scene '{self.scene.name}'.{did_you_mean(path, [o.path for o in self.scene.objects])}"
+        )
 
-    def render(self, time: float = 0.0, *, frame_index: int | None = None, camera: int | str | CameraView = 0) -> FrameResult:
+    def render(
+        self, time: float = 0.0, *, frame_index: int | None = None, camera: int | str | CameraView = 0
+    ) -> FrameResult:
         """One frame at `time` seconds, seen by scene camera `camera` (number or path) or by a view of your own.
 
         frame_index: what randomness is seeded with; by default frames count up from 0.
@@ -168,7 +172,9 @@ class Renderer:
             if camera not in paths:
                 from phrt.errors import did_you_mean
 
-                raise OptionError(f"no camera '{camera}'; the scene has {', '.join(paths) or 'none'}.{did_you_mean(camera, paths)}")
+                raise OptionError(
+                    f"no camera '{camera}'; the scene has {', '.join(paths) or 'none'}.{did_you_mean(camera, paths)}"
+                )
             camera = paths.index(camera)
         if not 0 <= camera < len(cameras):
             raise OptionError(f"no camera number {camera}; the scene has {len(cameras)}, counted from 0")
@@ -225,7 +231,12 @@ class Renderer:
 
     def _clear_layers(self, count: int) -> LayerSet:
         """Every layer the composition reads, at its clear value, and those of further effects."""
-        wanted = {"visibility": (len(self.world.lights), 1.0), "ambient_occlusion": (1, 1.0), "reflection": (3, 0.0), "refraction": (3, 0.0)}
+        wanted = {
+            "visibility": (len(self.world.lights), 1.0),
+            "ambient_occlusion": (1, 1.0),
+            "reflection": (3, 0.0),
+            "refraction": (3, 0.0),
+        }
         for effect in self.effects:
             wanted.setdefault(effect.writes.name, (effect.writes.width(self.world), effect.writes.clear))
         layers = LayerSet({}, {})
@@ -241,7 +252,13 @@ class _Sample:
     """One sub-pixel sample of a frame; arrays (P, ...)."""
 
     def __init__(
-        self, image: np.ndarray, gbuffer: GBuffer, direct: np.ndarray, layers: LayerSet, decisions: Decisions, primary_rays: int
+        self,
+        image: np.ndarray,
+        gbuffer: GBuffer,
+        direct: np.ndarray,
+        layers: LayerSet,
+        decisions: Decisions,
+        primary_rays: int,
     ) -> None:
         self.image, self.gbuffer, self.direct = image, gbuffer, direct
         self.layers, self.decisions, self.primary_rays = layers, decisions, primary_rays
@@ -253,7 +270,9 @@ def _accumulate(samples: list[_Sample], index: int, time: float, stages: Stages)
     height, width = last.gbuffer.height, last.gbuffer.width
     image = last.image if len(samples) == 1 else np.mean([s.image for s in samples], axis=0)
     layers = {
-        name: (array if len(samples) == 1 else np.mean([s.layers.arrays[name] for s in samples], axis=0)).reshape(height, width, -1)
+        name: (array if len(samples) == 1 else np.mean([s.layers.arrays[name] for s in samples], axis=0)).reshape(
+            height, width, -1
+        )
         for name, array in last.layers.arrays.items()
     }
     rays = {"primary": sum(s.primary_rays for s in samples)}

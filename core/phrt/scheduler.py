@@ -43,7 +43,13 @@ class Scheduler(ABC):
 
     @abstractmethod
     def run(
-        self, frame: Frame, effects: list[RayEffect], work: WorkItems, heuristic: Heuristic, context: FrameContext, layers: LayerSet
+        self,
+        frame: Frame,
+        effects: list[RayEffect],
+        work: WorkItems,
+        heuristic: Heuristic,
+        context: FrameContext,
+        layers: LayerSet,
     ) -> Decisions:
         """One frame's ray phase."""
 
@@ -60,7 +66,13 @@ class BudgetScheduler(Scheduler):
         self._broken: set[str] = set()
 
     def run(
-        self, frame: Frame, effects: list[RayEffect], work: WorkItems, heuristic: Heuristic, context: FrameContext, layers: LayerSet
+        self,
+        frame: Frame,
+        effects: list[RayEffect],
+        work: WorkItems,
+        heuristic: Heuristic,
+        context: FrameContext,
+        layers: LayerSet,
     ) -> Decisions:
         candidates = work.candidates
         count = len(candidates)
@@ -91,7 +103,9 @@ class BudgetScheduler(Scheduler):
             if item is None:
                 break
             if not 0 <= item < len(chosen) or chosen[item]:
-                raise ValueError(f"heuristic {type(heuristic).__name__} returned item {item}: not one of {len(chosen)}, or twice")
+                raise ValueError(
+                    f"heuristic {type(heuristic).__name__} returned item {item}: not one of {len(chosen)}, or twice"
+                )
             chosen[item] = True
             wave.append(item)
         return wave
@@ -109,7 +123,9 @@ class BudgetScheduler(Scheduler):
         """Trace `wave` chunk by chunk, dearest effects first; costs are shared out to items by their pixels."""
         candidates = work.candidates
         tasks: list[Task] = []
-        for index in sorted(range(len(effects)), key=lambda e: -float(candidates.ray_estimate[candidates.effect == e].max(initial=0))):
+        for index in sorted(
+            range(len(effects)), key=lambda e: -float(candidates.ray_estimate[candidates.effect == e].max(initial=0))
+        ):
             if effects[index].name in self._broken:
                 continue
             estimate = max(float(candidates.ray_estimate[candidates.effect == index].max(initial=1.0)), 1.0)
@@ -125,14 +141,15 @@ class BudgetScheduler(Scheduler):
         totals = np.zeros((len(effects), 2))
         for effect, traced, spent in frame.workers.map(work_on, tasks):
             totals[effect] += traced, spent
-        for index, effect in enumerate(effects):
+        for index, traced_effect in enumerate(effects):
             items = wave[candidates.effect[wave] == index]
             if len(items) == 0:
                 continue
             share = candidates.pixel_count[items] / candidates.pixel_count[items].sum()
             rays[items] = np.round(totals[index, 0] * share)
             milliseconds[items] = totals[index, 1] * share
-            layers.rays[effect.name] = layers.rays.get(effect.name, 0) + int(totals[index, 0])
+            name = traced_effect.name
+            layers.rays[name] = layers.rays.get(name, 0) + int(totals[index, 0])
 
     def _trace_task(self, frame: Frame, effect: RayEffect, pixels: np.ndarray, layers: LayerSet) -> int:
         if effect.name in self._broken:
@@ -146,7 +163,8 @@ class BudgetScheduler(Scheduler):
             if effect.name not in self._broken:
                 self._broken.add(effect.name)
                 warnings.warn(
-                    f"effect '{effect.name}' failed and is switched off, its pixels take the fallback: {type(error).__name__}: {error}",
+                    f"effect '{effect.name}' failed and is switched off, its pixels take the fallback: "
+                    f"{type(error).__name__}: {error}",
                     PhrtWarning,
                     stacklevel=2,
                 )
@@ -177,7 +195,9 @@ def merged(work: WorkItems, items: np.ndarray) -> list[np.ndarray]:
     return [pixels[a:b] for a, b in zip(starts, ends, strict=True)]
 
 
-def apply_fallbacks(frame: Frame, effects: list[RayEffect], work: WorkItems, chosen: np.ndarray, layers: LayerSet) -> None:
+def apply_fallbacks(
+    frame: Frame, effects: list[RayEffect], work: WorkItems, chosen: np.ndarray, layers: LayerSet
+) -> None:
     """What was not traced takes its effect's fallback."""
     for index, effect in enumerate(effects):
         left = np.flatnonzero((work.candidates.effect == index) & ~chosen)
@@ -190,4 +210,3 @@ def apply_fallbacks(frame: Frame, effects: list[RayEffect], work: WorkItems, cho
         if values is not None:
             ones = np.ones(len(pixels), np.uint8)
             scatter(pixels, values, ones, np.uint8(MASK_FALLBACK), layers.arrays[name], layers.masks[name])
-

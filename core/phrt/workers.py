@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import TypeVar
 
 T = TypeVar("T")
@@ -41,4 +42,4 @@ def chunks(count: int, size: int, parts: int = 1) -> Sequence[slice]:
     pieces = max(1, -(-count // size))
     pieces = min(-(-pieces // parts) * parts, count)
     edges = [count * k // pieces for k in range(pieces + 1)]
-    return [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return [slice(a, b) for a, b in pairwise(edges)]

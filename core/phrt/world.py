@@ -109,7 +109,7 @@ class World:
         return self.geometry.object_bounds()
 
     def set_object_matrix(self, object_id: int, matrix: np.ndarray | None) -> None:
-        """Place object `object_id` at `matrix` (4, 4) world_from_local from the next `advance` on; None gives it back to its node."""
+        """Place an object at `matrix` (4, 4) world_from_local from the next `advance` on; None gives it back to its node."""
         if matrix is None:
             self.overrides.pop(object_id, None)
         else:

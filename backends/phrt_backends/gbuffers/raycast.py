@@ -62,7 +62,9 @@ class RaycastProducer(GBufferProducer):
         # Motion is left out unless asked for: what nobody fills would hold an old frame's bytes.
         for channel in (c for c in CHANNELS.values() if c.name != "motion" or "motion" in channels):
             shape: tuple[int, ...] = (view.height, view.width)
-            gbuffer.arrays[channel.name] = self._buffers.take(shape if channel.components == 1 else (*shape, channel.components), channel.dtype)
+            gbuffer.arrays[channel.name] = self._buffers.take(
+                shape if channel.components == 1 else (*shape, channel.components), channel.dtype
+            )
         out = surface_arrays(gbuffer)
         order = tile_order(view.width, view.height) if pixels is None else pixels
         world_from_view = view.world_from_view.astype(np.float32)
@@ -75,10 +77,15 @@ class RaycastProducer(GBufferProducer):
             self._motion(view, gbuffer)
         return gbuffer
 
-    def _chunk(self, pixels: np.ndarray, view: CameraView, world_from_view: np.ndarray, out: SurfaceArrays, opaque_only: bool) -> None:
+    def _chunk(
+        self, pixels: np.ndarray, view: CameraView, world_from_view: np.ndarray, out: SurfaceArrays, opaque_only: bool
+    ) -> None:
         count = len(pixels)
         rays = RayBatch(
-            np.empty((count, 3), np.float32), np.empty((count, 3), np.float32), np.empty(count, np.float32), coherent=True
+            np.empty((count, 3), np.float32),
+            np.empty((count, 3), np.float32),
+            np.empty(count, np.float32),
+            coherent=True,
         )
         eye_rays(
             pixels,
@@ -142,7 +149,9 @@ class RaycastProducer(GBufferProducer):
         hits = self._tracer.closest_hit(onward)
         return onward, hits, pixels[index], travelled[index] + bias + hits.distance
 
-    def _miss(self, pixels: np.ndarray, out: SurfaceArrays, eye: np.ndarray, forward: np.ndarray, cone: np.ndarray) -> None:
+    def _miss(
+        self, pixels: np.ndarray, out: SurfaceArrays, eye: np.ndarray, forward: np.ndarray, cone: np.ndarray
+    ) -> None:
         """Clear values for rays that passed MAX_LAYERS surfaces."""
         count = len(pixels)
         surface(
@@ -173,4 +182,3 @@ class RaycastProducer(GBufferProducer):
         else:
             self._workers.map(part, chunks(len(ids), self._options.chunk_pixels, self._workers.threads))
         self._previous_clip, self._previous_matrix = clip, matrix.copy()
-

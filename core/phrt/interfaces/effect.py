@@ -64,7 +64,7 @@ class RayEffect(ABC):
 
     def prepare_fallback(self, frame: Frame) -> None:
         """Called when the scene was built or changed: capture probes, render shadow maps."""
-        return None
+        return
 
     @abstractmethod
     def fallback(self, frame: Frame, pixels: np.ndarray) -> np.ndarray | None:

@@ -75,8 +75,8 @@ class Heuristic(ABC):
 
     def report(self, item: int, outcome: Outcome) -> None:
         """Item `item` was traced, at this price."""
-        return None
+        return
 
     def end_frame(self) -> None:
         """No more items this frame."""
-        return None
+        return

@@ -47,3 +47,4 @@ class Tracer(ABC):
 
     def close(self) -> None:
         """Give memory back. Called once; no query follows."""
+        return None

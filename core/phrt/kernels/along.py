@@ -22,5 +22,7 @@ def environment_along(rows, position, view, view_is_point, environment, out):
         else:
             x, y, z = view[i, 0], view[i, 1], view[i, 2]
         scale = f32(1.0) / math.sqrt(x * x + y * y + z * z + f32(1e-20))
-        r, g, b = environment_radiance(environment.sharp, environment.blurred, x * scale, y * scale, z * scale, f32(0.0))
+        r, g, b = environment_radiance(
+            environment.sharp, environment.blurred, x * scale, y * scale, z * scale, f32(0.0)
+        )
         out[i, 0], out[i, 1], out[i, 2] = r, g, b

@@ -27,7 +27,7 @@ class GeometryArrays(NamedTuple):
 
 
 class MaterialArrays(NamedTuple):
-    """Material table and texture atlas; see phrt.materials and phrt.textures. `texels` is (n,) uint32, r g b a from the lowest byte."""
+    """Material table and texture atlas, see phrt.materials and phrt.textures. texels: (n,) uint32, r g b a from the lowest byte."""
 
     materials: np.ndarray
     texels: np.ndarray

@@ -33,7 +33,11 @@ def refracted(dx, dy, dz, nx, ny, nz, ratio):
 @device
 def faces_front(geometry, primitive, dx, dy, dz):
     """Does a ray along d meet the front (counter-clockwise) side of triangle `primitive`?"""
-    a, b, c = np.uint32(geometry.triangles[primitive, 0]), np.uint32(geometry.triangles[primitive, 1]), np.uint32(geometry.triangles[primitive, 2])
+    a, b, c = (
+        np.uint32(geometry.triangles[primitive, 0]),
+        np.uint32(geometry.triangles[primitive, 1]),
+        np.uint32(geometry.triangles[primitive, 2]),
+    )
     ax, ay, az = geometry.positions[a, 0], geometry.positions[a, 1], geometry.positions[a, 2]
     ux, uy, uz = geometry.positions[b, 0] - ax, geometry.positions[b, 1] - ay, geometry.positions[b, 2] - az
     vx, vy, vz = geometry.positions[c, 0] - ax, geometry.positions[c, 1] - ay, geometry.positions[c, 2] - az
@@ -128,7 +132,9 @@ def reflection_rays(rows, seeds, surfaces, materials, view, view_is_point, appli
 
 
 @kernel
-def refraction_rays(rows, surfaces, geometry, materials, view, view_is_point, origin, direction, weight, target, medium):
+def refraction_rays(
+    rows, surfaces, geometry, materials, view, view_is_point, origin, direction, weight, target, medium
+):
     """First rays through the points `rows` (n,): bent by glass, straight through thin walls and blended surfaces.
 
     medium (rays,) int32: material row the ray travels in, 0 for air. Returns how many were written (total internal
@@ -231,7 +237,11 @@ def shade_and_spawn(direction, distance, path_length, weight, target, medium, su
         if alpha < f32(1.0):
             rest = f32(1.0) - alpha
             if not last and max(wr, max(wg, wb)) * rest > threshold:
-                next_origin[count, 0], next_origin[count, 1], next_origin[count, 2] = px - gx * bias, py - gy * bias, pz - gz * bias
+                next_origin[count, 0], next_origin[count, 1], next_origin[count, 2] = (
+                    px - gx * bias,
+                    py - gy * bias,
+                    pz - gz * bias,
+                )
                 next_direction[count, 0], next_direction[count, 1], next_direction[count, 2] = dx, dy, dz
                 next_weight[count, 0], next_weight[count, 1], next_weight[count, 2] = wr * rest, wg * rest, wb * rest
                 next_path[count] = path_length[i]

@@ -54,7 +54,9 @@ def holes(primitive, barycentric, geometry, materials, casts_shadow, shadow, is_
             if g_uv1.shape[0] > 0:
                 u1 = g_uv1[a, 0] * wa + g_uv1[b, 0] * wb + g_uv1[c, 0] * wc
                 v1 = g_uv1[a, 1] * wa + g_uv1[b, 1] * wb + g_uv1[c, 1] * wc
-            _, _, _, texel = sample_texture(m_texels, m_textures, m_level_start, material.base_color_texture, u0, v0, u1, v1, f32(-100.0), False)
+            _, _, _, texel = sample_texture(
+                m_texels, m_textures, m_level_start, material.base_color_texture, u0, v0, u1, v1, f32(-100.0), False
+            )
             alpha *= texel
         if g_colors.shape[0] > 0:
             alpha *= g_colors[a, 3] * wa + g_colors[b, 3] * wb + g_colors[c, 3] * wc

@@ -38,15 +38,33 @@ def lookup(maps, level, x, y, z):
     fx, fy = column - f32(x0), row - f32(y0)
     a, b = (f32(1.0) - fx) * (f32(1.0) - fy), fx * (f32(1.0) - fy)
     c, d = (f32(1.0) - fx) * fy, fx * fy
-    r = maps[level, y0, x0, 0] * a + maps[level, y0, x1, 0] * b + maps[level, y1, x0, 0] * c + maps[level, y1, x1, 0] * d
-    g = maps[level, y0, x0, 1] * a + maps[level, y0, x1, 1] * b + maps[level, y1, x0, 1] * c + maps[level, y1, x1, 1] * d
-    e = maps[level, y0, x0, 2] * a + maps[level, y0, x1, 2] * b + maps[level, y1, x0, 2] * c + maps[level, y1, x1, 2] * d
+    r = (
+        maps[level, y0, x0, 0] * a
+        + maps[level, y0, x1, 0] * b
+        + maps[level, y1, x0, 0] * c
+        + maps[level, y1, x1, 0] * d
+    )
+    g = (
+        maps[level, y0, x0, 1] * a
+        + maps[level, y0, x1, 1] * b
+        + maps[level, y1, x0, 1] * c
+        + maps[level, y1, x1, 1] * d
+    )
+    e = (
+        maps[level, y0, x0, 2] * a
+        + maps[level, y0, x1, 2] * b
+        + maps[level, y1, x0, 2] * c
+        + maps[level, y1, x1, 2] * d
+    )
     return r, g, e
 
 
 @device
 def environment_radiance(sharp, blurred, x, y, z, roughness):
-    """Radiance (r, g, b) of sharp (1, S, S, 3) and blurred (levels, B, B, 3) from direction x, y, z, filtered for a GGX lobe of `roughness`; levels as in ROUGHNESS_LEVELS."""
+    """Radiance (r, g, b) from direction x, y, z, filtered for a GGX lobe of `roughness`.
+
+    sharp (1, S, S, 3); blurred (levels, B, B, 3), the levels being ROUGHNESS_LEVELS.
+    """
     if sharp.shape[1] == 1:
         return sharp[0, 0, 0, 0], sharp[0, 0, 0, 1], sharp[0, 0, 0, 2]
     if roughness < f32(0.05):
@@ -96,7 +114,10 @@ def irradiance(harmonics, x, y, z):
 
 @kernel
 def prefilter(source, levels, target):
-    """GGX-filter `source` (1, S, S, 3) octahedral into `target` (levels, B, B, 3): 256 samples, view along the normal (Karis 2013)."""
+    """GGX-filter octahedral `source` (1, S, S, 3) into `target` (levels, B, B, 3): 256 samples, view along the normal.
+
+    Karis 2013, "Real Shading in Unreal Engine 4".
+    """
     size = target.shape[1]
     for level in range(len(levels)):
         alpha = levels[level] * levels[level]
@@ -119,7 +140,11 @@ def prefilter(source, levels, target):
                     sine = math.sqrt(max(f32(0.0), f32(1.0) - cosine * cosine))
                     phi = f32(2.0 * math.pi) * v
                     a, b = sine * math.cos(phi), sine * math.sin(phi)
-                    hx, hy, hz = tx * a + bx * b + nx * cosine, ty * a + by * b + ny * cosine, tz * a + bz * b + nz * cosine
+                    hx, hy, hz = (
+                        tx * a + bx * b + nx * cosine,
+                        ty * a + by * b + ny * cosine,
+                        tz * a + bz * b + nz * cosine,
+                    )
                     lx, ly, lz = f32(2.0) * cosine * hx - nx, f32(2.0) * cosine * hy - ny, f32(2.0) * cosine * hz - nz
                     facing = lx * nx + ly * ny + lz * nz
                     if facing > f32(0.0):

@@ -138,7 +138,9 @@ def direct_light(start, stop, surfaces, materials, lights, view, view_is_point, 
                 schlick = w2 * w2 * w
                 a2 = at[_ALPHA2, i]
                 d = n_h * n_h * (a2 - f32(1.0)) + f32(1.0)
-                smith = n_l * math.sqrt(n_v * n_v * (f32(1.0) - a2) + a2) + n_v * math.sqrt(n_l * n_l * (f32(1.0) - a2) + a2)
+                smith = n_l * math.sqrt(n_v * n_v * (f32(1.0) - a2) + a2) + n_v * math.sqrt(
+                    n_l * n_l * (f32(1.0) - a2) + a2
+                )
                 specular = a2 * at[_SHINY, i] / max(d * d * smith, f32(1e-20))
                 metal, grazing = at[_METAL, i], at[_F90, i]
                 r, g, b = at[_RED, i], at[_GREEN, i], at[_BLUE, i]

@@ -25,7 +25,9 @@ def tile_order(width: int, height: int) -> np.ndarray:
 
 
 @kernel
-def eye_rays(pixels, width, height, world_from_view, tan_half, jitter, orthographic, near, far, origin, direction, t_max):
+def eye_rays(
+    pixels, width, height, world_from_view, tan_half, jitter, orthographic, near, far, origin, direction, t_max
+):
     """Rays through `pixels` (n,) of a camera (`CameraView`); they start at the near plane and end at the far one.
 
     world_from_view (4, 4) float32; tan_half, jitter (2,) float32; writes origin, direction (n, 3) and t_max (n,).
@@ -40,7 +42,7 @@ def eye_rays(pixels, width, height, world_from_view, tan_half, jitter, orthograp
             vx, vy, vz = f32(0.0), f32(0.0), f32(-1.0)
             stretch = f32(1.0)
         else:
-            stretch = math.sqrt(sx * sx + sy * sy + f32(1.0))
+            stretch = f32(math.sqrt(sx * sx + sy * sy + f32(1.0)))
             lx, ly, lz = f32(0.0), f32(0.0), f32(0.0)
             vx, vy, vz = sx / stretch, sy / stretch, f32(-1.0) / stretch
         m = world_from_view

@@ -87,7 +87,12 @@ def composite(start, stop, pixels, surfaces, materials, camera, background, dire
     Blocks of BLOCK rows, each step a loop without branches where it can be, so that the compiler makes vector instructions of it.
     """
     # Out of the loop: a tuple's array costs a reference count every time it is taken out.
-    object_id, material_id, position, normal = surfaces.object_id, surfaces.material_id, surfaces.position, surfaces.normal
+    object_id, material_id, position, normal = (
+        surfaces.object_id,
+        surfaces.material_id,
+        surfaces.position,
+        surfaces.normal,
+    )
     base_color, emissive, alpha = surfaces.base_color, surfaces.emissive, surfaces.alpha
     metallic, roughness, transmission = surfaces.metallic, surfaces.roughness, surfaces.transmission
     sharp, blurred, harmonics = environment.sharp, environment.blurred, environment.irradiance

@@ -16,7 +16,21 @@ MISS = np.uint32(NO_PRIMITIVE)
 
 
 @kernel
-def surface(direction, path_length, primitive, barycentric, geometry, materials, eye, forward, cone, eye_ray, target, out, passed):
+def surface(
+    direction,
+    path_length,
+    primitive,
+    barycentric,
+    geometry,
+    materials,
+    eye,
+    forward,
+    cone,
+    eye_ray,
+    target,
+    out,
+    passed,
+):
     """Fill row target[i] of `out` with the surface ray i hit, for n rays.
 
     direction (n, 3) unit; path_length (n,) metres travelled from the eye, for the ray cone; primitive (n,) uint32;
@@ -115,7 +129,9 @@ def surface(direction, path_length, primitive, barycentric, geometry, materials,
         # Base colour and coverage.
         red, green, blue, alpha = material.base_r, material.base_g, material.base_b, material.alpha
         if material.base_color_texture >= 0:
-            tr, tg, tb, ta = sample_texture(m_texels, m_textures, m_level_start, material.base_color_texture, u0, v0, u1, v1, footprint, True)
+            tr, tg, tb, ta = sample_texture(
+                m_texels, m_textures, m_level_start, material.base_color_texture, u0, v0, u1, v1, footprint, True
+            )
             red, green, blue, alpha = red * tr, green * tg, blue * tb, alpha * ta
         if g_colors.shape[0] > 0:
             red *= g_colors[a, 0] * wa + g_colors[b, 0] * wb + g_colors[c, 0] * wc
@@ -137,7 +153,9 @@ def surface(direction, path_length, primitive, barycentric, geometry, materials,
             tz = g_tangents[a, 2] * wa + g_tangents[b, 2] * wb + g_tangents[c, 2] * wc
             hand = g_tangents[a, 3]
             bx, by, bz = (ny * tz - nz * ty) * hand, (nz * tx - nx * tz) * hand, (nx * ty - ny * tx) * hand
-            mr, mg, mb, _ = sample_texture(m_texels, m_textures, m_level_start, material.normal_texture, u0, v0, u1, v1, footprint, False)
+            mr, mg, mb, _ = sample_texture(
+                m_texels, m_textures, m_level_start, material.normal_texture, u0, v0, u1, v1, footprint, False
+            )
             sx = (mr * f32(2.0) - f32(1.0)) * material.normal_scale
             sy = (mg * f32(2.0) - f32(1.0)) * material.normal_scale
             sz = mb * f32(2.0) - f32(1.0)
@@ -152,15 +170,30 @@ def surface(direction, path_length, primitive, barycentric, geometry, materials,
         # The other material values.
         metallic, roughness, transmission = material.metallic, material.roughness, material.transmission
         if material.metallic_roughness_texture >= 0:
-            _, tg, tb, _ = sample_texture(m_texels, m_textures, m_level_start, material.metallic_roughness_texture, u0, v0, u1, v1, footprint, False)
+            _, tg, tb, _ = sample_texture(
+                m_texels,
+                m_textures,
+                m_level_start,
+                material.metallic_roughness_texture,
+                u0,
+                v0,
+                u1,
+                v1,
+                footprint,
+                False,
+            )
             roughness *= tg
             metallic *= tb
         if material.transmission_texture >= 0:
-            tr, _, _, _ = sample_texture(m_texels, m_textures, m_level_start, material.transmission_texture, u0, v0, u1, v1, footprint, False)
+            tr, _, _, _ = sample_texture(
+                m_texels, m_textures, m_level_start, material.transmission_texture, u0, v0, u1, v1, footprint, False
+            )
             transmission *= tr
         er, eg, eb = material.emissive_r, material.emissive_g, material.emissive_b
         if material.emissive_texture >= 0:
-            tr, tg, tb, _ = sample_texture(m_texels, m_textures, m_level_start, material.emissive_texture, u0, v0, u1, v1, footprint, True)
+            tr, tg, tb, _ = sample_texture(
+                m_texels, m_textures, m_level_start, material.emissive_texture, u0, v0, u1, v1, footprint, True
+            )
             er, eg, eb = er * tr, eg * tg, eb * tb
         if material.unlit:
             er, eg, eb = red, green, blue

@@ -73,8 +73,12 @@ def bilinear(texels, start, width, height, u, v, wrap_s, wrap_t, srgb):
         blue += SRGB_TO_LINEAR[(s >> B) & LOW] * c + SRGB_TO_LINEAR[(t >> B) & LOW] * d
         return red, green, blue, alpha
     red = (f32(p & LOW) * a + f32(q & LOW) * b + f32(s & LOW) * c + f32(t & LOW) * d) * BYTE
-    green = (f32((p >> G) & LOW) * a + f32((q >> G) & LOW) * b + f32((s >> G) & LOW) * c + f32((t >> G) & LOW) * d) * BYTE
-    blue = (f32((p >> B) & LOW) * a + f32((q >> B) & LOW) * b + f32((s >> B) & LOW) * c + f32((t >> B) & LOW) * d) * BYTE
+    green = (
+        f32((p >> G) & LOW) * a + f32((q >> G) & LOW) * b + f32((s >> G) & LOW) * c + f32((t >> G) & LOW) * d
+    ) * BYTE
+    blue = (
+        f32((p >> B) & LOW) * a + f32((q >> B) & LOW) * b + f32((s >> B) & LOW) * c + f32((t >> B) & LOW) * d
+    ) * BYTE
     return red, green, blue, alpha
 
 
