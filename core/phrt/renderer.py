@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time as clock
 from collections.abc import Mapping
+from dataclasses import dataclass
 from types import TracebackType
 
 import numpy as np
@@ -31,6 +32,7 @@ from phrt.world import World
 
 DEFAULT_SIZE = (640, 360)
 MAX_SIDE = 16384
+_IMAGE = "(image)"
 FRAME_CHANNELS = tuple(name for name in CHANNELS if name != "motion")
 
 
@@ -155,11 +157,19 @@ class Renderer:
             self._fallbacks_ready = False
         view = self._view(camera)
         stages.done("update")
-        samples = [
-            self._sample(view.with_jitter(x, y), index, number, time, stages)
-            for number, (x, y) in enumerate(jitter_pattern(self.aa))
-        ]
-        result = _accumulate(samples, index, time, stages)
+        pattern = jitter_pattern(self.aa)
+        sums: dict[str, np.ndarray] = {}
+        rays: dict[str, int] = {}
+        for number, (x, y) in enumerate(pattern):
+            sample = self._sample(view.with_jitter(x, y), index, number, time, stages)
+            for name, count in sample.rays.items():
+                rays[name] = rays.get(name, 0) + count
+            if self.aa > 1:
+                for name, array in {_IMAGE: sample.image, **sample.layers.arrays}.items():
+                    sums[name] = sums[name] + array if name in sums else array.copy()
+            stages.done("composite")
+        means = {name: total / np.float32(self.aa) for name, total in sums.items()}
+        result = _result(sample, means, rays, stages.milliseconds, index, time)
         stages.done("composite")
         return result
 
@@ -226,8 +236,8 @@ class Renderer:
             layers.arrays, layers.masks, exposure, image, self.workers,
         )  # fmt: skip
         stages.done("composite")
-        primary = count if self.gbuffer_name == "raycast" else 0
-        return _Sample(image, gbuffer, direct, layers, decisions, primary)
+        rays = {"primary": count if self.gbuffer_name == "raycast" else 0, **layers.rays}
+        return _Sample(image, gbuffer, direct, layers, decisions, rays)
 
     def _clear_layers(self, count: int) -> LayerSet:
         """Every layer the composition reads, at its clear value, and those of further effects."""
@@ -248,44 +258,31 @@ class Renderer:
         return layers
 
 
+@dataclass(frozen=True)
 class _Sample:
     """One sub-pixel sample of a frame; arrays (P, ...)."""
 
-    def __init__(
-        self,
-        image: np.ndarray,
-        gbuffer: GBuffer,
-        direct: np.ndarray,
-        layers: LayerSet,
-        decisions: Decisions,
-        primary_rays: int,
-    ) -> None:
-        self.image, self.gbuffer, self.direct = image, gbuffer, direct
-        self.layers, self.decisions, self.primary_rays = layers, decisions, primary_rays
+    image: np.ndarray
+    gbuffer: GBuffer
+    direct: np.ndarray
+    layers: LayerSet
+    decisions: Decisions
+    rays: dict[str, int]
 
 
-def _accumulate(samples: list[_Sample], index: int, time: float, stages: Stages) -> FrameResult:
-    """The mean of the samples' images and layers; G-buffer, masks and decisions of the last."""
-    last = samples[-1]
+def _result(
+    last: _Sample, means: dict[str, np.ndarray], rays: dict[str, int], stages: dict[str, float], index: int, time: float
+) -> FrameResult:
+    """The frame of its last sample, and of the samples' means where there were several."""
     height, width = last.gbuffer.height, last.gbuffer.width
-    image = last.image if len(samples) == 1 else np.mean([s.image for s in samples], axis=0)
-    layers = {
-        name: (array if len(samples) == 1 else np.mean([s.layers.arrays[name] for s in samples], axis=0)).reshape(
-            height, width, -1
-        )
-        for name, array in last.layers.arrays.items()
-    }
-    rays = {"primary": sum(s.primary_rays for s in samples)}
-    for name in last.layers.rays:
-        rays[name] = sum(s.layers.rays.get(name, 0) for s in samples)
     return FrameResult(
-        image=image.reshape(height, width, 3),
+        image=means.get(_IMAGE, last.image).reshape(height, width, 3),
         gbuffer=last.gbuffer,
-        layers=layers,
+        layers={name: means.get(name, array).reshape(height, width, -1) for name, array in last.layers.arrays.items()},
         direct=last.direct.reshape(height, width, -1, 3),
         masks={name: mask.reshape(height, width) for name, mask in last.layers.masks.items()},
         decisions=last.decisions,
-        stages=stages.milliseconds,
+        stages=stages,
         rays=rays,
         index=index,
         time=time,

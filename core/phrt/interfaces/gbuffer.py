@@ -45,4 +45,3 @@ class GBufferProducer(ABC):
 
     def close(self) -> None:
         """Give memory and contexts back. Called once; nothing follows."""
-        return None

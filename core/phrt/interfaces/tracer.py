@@ -47,4 +47,3 @@ class Tracer(ABC):
 
     def close(self) -> None:
         """Give memory back. Called once; no query follows."""
-        return None

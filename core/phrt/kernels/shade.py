@@ -200,7 +200,14 @@ def composite(start, stop, pixels, surfaces, materials, camera, background, dire
             image[row, 0] = (r * cover + behind_r * (f32(1.0) - cover)) * exposure
             image[row, 1] = (g * cover + behind_g * (f32(1.0) - cover)) * exposure
             image[row, 2] = (b * cover + behind_b * (f32(1.0) - cover)) * exposure
-        if empty:
+        if empty and constant_dome:
+            for i in range(size):
+                row = block + i
+                if object_id[row] == 0:
+                    seen = exposure if background else f32(0.0)
+                    for c in range(3):
+                        image[row, c] = sharp[0, 0, 0, c] * seen
+        elif empty:
             for i in range(size):
                 row = block + i
                 if object_id[row] == 0:
