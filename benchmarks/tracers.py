@@ -78,7 +78,8 @@ class Geometry:
 
 @dataclass(frozen=True)
 class RateRow:
-    """Rates of one kind of rays. mega_rays: M rays/s by contender; ratio and its bar: embree tracer / embreex `run`."""
+    """Rates of one kind of rays. mega_rays: M rays/s by contender; ratio and its bar: embree tracer / embreex `run`;
+    ratios: of every repeat."""
 
     scene: str
     triangles: int
@@ -87,6 +88,7 @@ class RateRow:
     mega_rays: dict[str, float]
     ratio: float
     bar: float | None
+    ratios: tuple[float, ...]
 
 
 def reference_geometries(assets: Path) -> Iterator[Geometry]:
@@ -202,9 +204,10 @@ def measure(geometry: Geometry, threads: int, repeats: int = 15) -> list[RateRow
         for kind, (query, rays) in batches.items():
             seconds = interleaved(run, query, rays, repeats)
             rates = {name: len(rays) / float(np.median(times)) / 1e6 for name, times in seconds.items()}
-            ratio = float(np.median(np.divide(seconds["embreex run"], seconds["embree"])))
+            ratios = tuple(np.divide(seconds["embreex run"], seconds["embree"]).tolist())
+            ratio = float(np.median(ratios))
             bar = BAR if threads == 2 and kind != "random" else None
-            rows.append(RateRow(geometry.name, len(geometry.triangles), kind, threads, rates, ratio, bar))
+            rows.append(RateRow(geometry.name, len(geometry.triangles), kind, threads, rates, ratio, bar, ratios))
     return rows
 
 

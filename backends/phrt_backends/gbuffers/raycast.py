@@ -74,7 +74,7 @@ class RaycastProducer(GBufferProducer):
 
         self._workers.map(chunk, chunks(len(order), self._options.chunk_pixels, self._workers.threads))
         if "motion" in channels:
-            self._motion(view, gbuffer)
+            self._motion(view, gbuffer, pixels)
         return gbuffer
 
     def _chunk(
@@ -160,7 +160,8 @@ class RaycastProducer(GBufferProducer):
             np.empty(count, np.uint8),
         )  # fmt: skip
 
-    def _motion(self, view: CameraView, gbuffer: GBuffer) -> None:
+    def _motion(self, view: CameraView, gbuffer: GBuffer, pixels: np.ndarray | None) -> None:
+        """Motion since the last view that was rendered whole, at `pixels` (n,) or everywhere; the others are not read."""
         clip = view.with_jitter(0.0, 0.0).clip_from_world().astype(np.float32)
         matrix = self._world.object_matrix
         previous_clip = clip if self._previous_clip is None else self._previous_clip
@@ -171,7 +172,10 @@ class RaycastProducer(GBufferProducer):
             if abs(np.linalg.det(matrix[object_id])) > 1e-12:
                 delta[object_id] = previous_matrix[object_id] @ np.linalg.inv(matrix[object_id])
         size = np.array([view.width, view.height], np.float32)
-        position, ids, motion = gbuffer.flat("position_world"), gbuffer.flat("object_id"), gbuffer.flat("motion")
+        position, ids, out = gbuffer.flat("position_world"), gbuffer.flat("object_id"), gbuffer.flat("motion")
+        if pixels is not None:
+            position, ids = position[pixels], ids[pixels]
+        motion = out if pixels is None else np.empty((len(ids), 2), np.float32)
         still = bool(not moved.any() and np.array_equal(clip, previous_clip))
 
         def part(rows: slice) -> None:
@@ -181,4 +185,7 @@ class RaycastProducer(GBufferProducer):
             motion.fill(0.0)
         else:
             self._workers.map(part, chunks(len(ids), self._options.chunk_pixels, self._workers.threads))
-        self._previous_clip, self._previous_matrix = clip, matrix.copy()
+        if pixels is None:
+            self._previous_clip, self._previous_matrix = clip, matrix.copy()
+        else:
+            out[pixels] = motion

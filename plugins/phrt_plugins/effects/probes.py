@@ -12,6 +12,7 @@ from phrt.composite import all_rows, shade_flat
 from phrt.frame import Frame
 from phrt.kernels.arrays import surface_arrays
 from phrt.workers import chunks
+from phrt_plugins.effects.behind import SHADED
 from phrt_plugins.effects.cube_kernels import probe_lookup
 from phrt_plugins.effects.cube_maps import face_views
 from phrt_plugins.effects.shadow_maps import ShadowMaps
@@ -41,7 +42,7 @@ class Probes:
         self._shadows.prepare(frame)
         for index, centre in enumerate(self._centres):
             for face, view in enumerate(face_views(centre, self._size, max(float(near[owner[index]]), 0.01))):
-                gbuffer = frame.producer.render(view, opaque_only=True)
+                gbuffer = frame.producer.render(view, channels=SHADED, opaque_only=True)
                 rows = all_rows(self._size**2)
                 visibility = self._shadows.visibility_of(frame, surface_arrays(gbuffer), rows)
                 image = shade_flat(frame, gbuffer, view, rows, visibility)
