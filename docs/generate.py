@@ -1,0 +1,118 @@
+"""Writes the tables of the documentation that come from the code: docs/gbuffer.md and docs/options.md.
+
+    .venv/bin/python docs/generate.py            rewrite what changed
+    .venv/bin/python docs/generate.py --check    change nothing; leave with 1 where a page is out of date
+
+A page holds its tables between `<!-- generated: NAME -->` and `<!-- end -->`; the rest is written by hand.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from phrt.channels import CHANNELS, Channel
+from phrt.interfaces.effect import LayerSpec
+from phrt.registry import get_registry
+from phrt.registry.manager import KINDS, RegisteredPlugin, import_factory
+from phrt.registry.options import option_rows
+
+DOCS = Path(__file__).resolve().parent
+PAGES = ("gbuffer.md", "options.md")
+BLOCK = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+KIND_TITLES = {
+    "gbuffer": "G-buffer producers",
+    "tracer": "Tracers",
+    "effect": "Effects",
+    "heuristic": "Heuristics",
+    "loader": "Loaders",
+    "metric": "Metrics",
+    "command": "Commands",
+}
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table; bars in cells are escaped."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n" for line in lines)
+
+
+def number(value: float | int) -> str:
+    """A clear value as a reader would write it."""
+    if value == 0xFFFFFFFF:
+        return "0xFFFFFFFF"
+    return "+inf" if value == np.inf else f"{value:g}"
+
+
+def shape(channel: Channel) -> str:
+    return "(H, W)" if channel.components == 1 else f"(H, W, {channel.components})"
+
+
+def channels() -> str:
+    """One row a G-buffer channel."""
+    rows = [
+        (f"`{c.name}`", np.dtype(c.dtype).name, shape(c), c.space_unit, number(c.clear), c.meaning)
+        for c in CHANNELS.values()
+    ]
+    return table(("channel", "dtype", "shape", "space, unit", "clear", "meaning"), rows)
+
+
+def built_in(kind: str) -> list[RegisteredPlugin]:
+    """The plugins that PHRT ships, so that the page is the same wherever others are installed."""
+    return [entry for entry in get_registry().plugins(kind) if entry.origin == "built-in"]
+
+
+def layers() -> str:
+    """One row a layer, with the effect that writes it."""
+    rows = []
+    for entry in built_in("effect"):
+        effect = import_factory(f"effect '{entry.name}'", entry)
+        spec: LayerSpec = effect.writes
+        rows.append(
+            (f"`{spec.name}`", f"`{entry.name}`", f"{spec.components or 'L'}", number(spec.clear), spec.meaning)
+        )
+    return table(("layer", "effect", "components", "clear", "meaning"), rows)
+
+
+def options() -> str:
+    """Every option of every plugin that ships, by kind."""
+    parts = []
+    for kind in KINDS:
+        entries = built_in(kind)
+        if entries:
+            parts.append(f"## {KIND_TITLES[kind]}\n")
+            parts += [plugin_options(entry) for entry in entries]
+    return "\n" + "\n".join(parts) + "\n"
+
+
+def plugin_options(entry: RegisteredPlugin) -> str:
+    """A plugin's heading, summary and options."""
+    rows = [(f"`{row.name}`", row.allowed, row.default, row.meaning) for row in option_rows(entry.plugin.options)]
+    body = table(("option", "allowed", "default", "meaning"), rows) if rows else "No options.\n"
+    return f"### {entry.kind} `{entry.name}`\n\n{entry.plugin.summary}\n\n{body}"
+
+
+TABLES: dict[str, Callable[[], str]] = {"channels": channels, "layers": layers, "options": options}
+
+
+def refreshed(text: str) -> str:
+    """A page's text with every generated block made anew."""
+    return BLOCK.sub(lambda match: match[1] + TABLES[match[2]]() + match[3], text)
+
+
+def main(arguments: list[str]) -> int:
+    stale = [page for page in PAGES if refreshed((DOCS / page).read_text()) != (DOCS / page).read_text()]
+    for page in stale:
+        print(f"{page} is {'out of date' if '--check' in arguments else 'rewritten'}")
+        if "--check" not in arguments:
+            (DOCS / page).write_text(refreshed((DOCS / page).read_text()))
+    return 1 if stale and "--check" in arguments else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
