@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phrt.channels import CHANNELS
-from phrt.composite import FLAT_CHANNELS, shade_flat
+from phrt.composite import shade_flat
 from phrt.frame import Frame
 from phrt.kernels.along import environment_along
 
@@ -15,7 +15,7 @@ SHADED = tuple(name for name in CHANNELS if name != "motion")
 
 def behind(frame: Frame, pixels: np.ndarray) -> np.ndarray:
     """(n, 3) float32 light from the nearest opaque surface behind `pixels` (n,), lit by every light without shadows."""
-    gbuffer = frame.producer.render(frame.view, channels=SHADED, channels=FLAT_CHANNELS, opaque_only=True, pixels=pixels)
+    gbuffer = frame.producer.render(frame.view, channels=SHADED, opaque_only=True, pixels=pixels)
     return shade_flat(frame, gbuffer, frame.view, pixels)
 
 
