@@ -55,6 +55,8 @@ def random_surfaces(rng: np.random.Generator, count: int, table: np.ndarray, obj
     # Narrow lobes lose digits in float32; below 0.02 there is none.
     points.roughness[:] = np.where(rng.random(count) < 0.3, rng.uniform(0, 0.019, count), rng.uniform(0.15, 1, count))
     points.transmission[:] = table["transmission"][points.material_id]
+    points.occlusion[:] = np.where(rng.random(count) < 0.5, rng.uniform(0, 1, count), 1.0)
+    points.occlusion[:] = rng.uniform(0.3, 1, count)
     points.emissive[:] = rng.uniform(0, 1, (count, 3)) * (rng.random((count, 1)) < 0.2)
     return points
 

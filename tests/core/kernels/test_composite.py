@@ -65,7 +65,7 @@ def composite_twin(
     eye, normal = to_eye(view, s.position.astype(float)), s.normal.astype(float)
     f = reflectance(s, m, np.clip(np.abs(dot(normal, eye)), 1e-3, 1))
     mirror = 2 * dot(normal, eye)[:, None] * normal - eye
-    ao = layers["ambient_occlusion"].astype(float)
+    ao = layers["ambient_occlusion"].astype(float) * s.occlusion[:, None]
     reflection = np.where(
         (reflected == 0)[:, None],
         dome_radiance(light_dome, mirror, s.roughness.astype(float)) * ao,

@@ -1,0 +1,87 @@
+"""Putting values in place, filling gaps and sorting pixels, against plain numpy twins."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from phrt.kernels.layers import fill_gaps, mark_targets, scatter, sort_by_object
+from phrt.kernels.primary import tile_order
+
+WIDTH, HEIGHT = 37, 23
+COUNT = WIDTH * HEIGHT
+
+
+def test_sort_by_object_is_a_stable_sort_of_what_applies() -> None:
+    rng = np.random.default_rng(1)
+    ids = rng.integers(0, 7, COUNT).astype(np.uint32)
+    materials = rng.integers(0, 4, COUNT).astype(np.uint32)
+    applies, allowed = np.array([True, False, True, True]), np.array([False, True, True, False, True, True, True])
+    order = tile_order(WIDTH, HEIGHT)
+    start, pixels = np.empty(8, np.int64), np.full(COUNT, -1, np.int32)
+    placed = sort_by_object(order, ids, materials, applies, allowed, start, pixels)
+    wanted = order[applies[materials[order]] & allowed[ids[order]] & (ids[order] != 0)]
+    expected = wanted[np.argsort(ids[wanted], kind="stable")]
+    assert placed == len(expected)
+    np.testing.assert_array_equal(pixels[:placed], expected)
+    np.testing.assert_array_equal(np.diff(start), np.bincount(ids[wanted], minlength=7))
+    assert start[0] == 0
+
+
+def fill_twin(
+    pixels: np.ndarray, ids: np.ndarray, mask: np.ndarray, layer: np.ndarray
+) -> tuple[dict[int, np.ndarray], list[int]]:
+    """What each gap should become, from the traced values alone; and the gaps nobody can fill."""
+    filled, missing = {}, []
+    for row in pixels[mask[pixels] != 2]:
+        y, x = divmod(int(row), WIDTH)
+        for ring in (1, 2):
+            around = [
+                (y + dy) * WIDTH + x + dx
+                for dy in range(-ring, ring + 1)
+                for dx in range(-ring, ring + 1)
+                if max(abs(dx), abs(dy)) == ring and 0 <= x + dx < WIDTH and 0 <= y + dy < HEIGHT
+            ]
+            good = [k for k in around if mask[k] == 2 and ids[k] == ids[row]]
+            if good:
+                filled[int(row)] = layer[good].mean(axis=0)
+                break
+        else:
+            missing.append(int(row))
+    return filled, missing
+
+
+@pytest.mark.parametrize("density", [0.25, 0.03])
+def test_gaps_take_the_mean_of_the_nearest_traced_neighbours_of_their_object(density: float) -> None:
+    rng = np.random.default_rng(2)
+    ids = (np.arange(COUNT) % WIDTH // 9 + 1).astype(np.uint32)
+    mask = np.where(rng.random(COUNT) < density, 2, 0).astype(np.uint8)
+    layer = rng.random((COUNT, 3)).astype(np.float32)
+    pixels = np.flatnonzero(ids <= 3).astype(np.int32)
+    before = layer.copy()
+    filled, missing = fill_twin(pixels, ids, mask, before)
+    traced = mask == 2
+    assert fill_gaps(pixels, ids, mask, WIDTH, HEIGHT, 2, 3, layer) == len(missing)
+    assert filled
+    for row, value in filled.items():
+        np.testing.assert_allclose(layer[row], value, rtol=1e-5)
+        assert mask[row] == 3
+    untouched = np.setdiff1d(np.arange(COUNT), list(filled))
+    np.testing.assert_array_equal(layer[untouched], before[untouched])
+    np.testing.assert_array_equal(mask == 2, traced)
+
+
+def test_scatter_writes_only_what_was_traced() -> None:
+    layer, mask = np.zeros((6, 2), np.float32), np.zeros(6, np.uint8)
+    values = np.arange(6, dtype=np.float32).reshape(3, 2) + 1
+    scatter(np.array([5, 0, 2], np.int32), values, np.array([1, 0, 1], np.uint8), np.uint8(2), layer, mask)
+    assert layer.tolist() == [[0, 0], [0, 0], [5, 6], [0, 0], [0, 0], [1, 2]]
+    assert mask.tolist() == [0, 0, 2, 0, 0, 2]
+
+
+def test_mark_targets_starts_paths_at_their_pixels_depth() -> None:
+    traced, path = np.zeros(3, np.uint8), np.empty(4, np.float32)
+    depth = np.arange(10, dtype=np.float32)
+    mark_targets(np.array([2, 0, 2, 2], np.int32), np.array([7, 8, 9], np.int32), depth, traced, path)
+    assert traced.tolist() == [1, 0, 1]
+    assert path.tolist() == [9, 7, 9, 9]
