@@ -51,6 +51,7 @@ CHANNELS: dict[str, Channel] = {
         Channel("metallic", np.float32, 1, "0..1", 0.0, "metalness"),
         Channel("roughness", np.float32, 1, "0..1", 1.0, "perceptual roughness; alpha of GGX is its square"),
         Channel("transmission", np.float32, 1, "0..1", 0.0, "share of the non-specular light that passes through"),
+        Channel("occlusion", np.float32, 1, "0..1", 1.0, "ambient occlusion baked into a texture; 1 is open"),
         Channel("emissive", np.float32, 3, "linear Rec.709, nits", 0.0, "light the surface sends out itself"),
         Channel(
             "motion",

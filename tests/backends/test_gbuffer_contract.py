@@ -162,8 +162,19 @@ def test_colour_textures_are_srgb_and_data_textures_linear(make: Make) -> None:
     # OpenGL allows half a step of 8 bits in its decoding, and llvmpipe takes some of it.
     np.testing.assert_allclose(buffer.base_color[9, 9], [decoded] * 3, rtol=5e-3)
     np.testing.assert_allclose(buffer.emissive[9, 9], np.array([1, 2, 3]) * decoded, rtol=5e-3)
-    for name in ("metallic", "roughness", "transmission"):
+    for name in ("metallic", "roughness", "transmission", "occlusion"):
         np.testing.assert_allclose(buffer.arrays[name][9, 9], 128 / 255, rtol=1e-5)
+
+
+@pytest.mark.parametrize("strength", [0.0, 0.25, 1.0])
+def test_baked_occlusion_is_the_textures_red_by_its_strength(make: Make, strength: float) -> None:
+    image = Image("ao", np.tile(np.uint8([51, 200, 250, 255]), (2, 2, 1)))
+    shaded = Material(occlusion_texture=TextureRef(0), occlusion_strength=strength)
+    placed = [(quad(0, half=0.5), at(-0.5)), (quad(1, half=0.5), at(0.5))]
+    buffer = make(scenes.world_of(placed, [shaded, Material(occlusion_strength=0.5)], [image]))()
+    np.testing.assert_allclose(buffer.occlusion[32, 16], 1 + strength * (0.2 - 1), rtol=1e-5)
+    assert buffer.occlusion[32, 48] == 1, "a material without such a texture is open"
+    assert buffer.occlusion[0, 0] == 1
 
 
 def test_a_minified_texture_shows_its_mean(make: Make) -> None:

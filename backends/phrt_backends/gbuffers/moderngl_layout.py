@@ -22,7 +22,7 @@ from phrt.channels import CHANNELS
 
 CODE_TAG = 0x40000000
 """Added to a code, its bits are those of a normal float: no driver takes it for a NaN or flushes it to zero."""
-MATERIAL_CHANNELS = ("base_color", "emissive", "alpha", "metallic", "roughness", "transmission")
+MATERIAL_CHANNELS = ("base_color", "emissive", "alpha", "metallic", "roughness", "transmission", "occlusion")
 
 EXPRESSIONS = {
     "inverse_depth": ("inverse_depth()",),
@@ -34,6 +34,7 @@ EXPRESSIONS = {
     "metallic": ("metallic",),
     "roughness": ("1.0 - roughness",),
     "transmission": ("transmission",),
+    "occlusion": ("1.0 - occlusion",),
 }
 """What the fragment shader writes for each component of what is drawn."""
 
@@ -115,7 +116,7 @@ def output_statements(layout: Layout) -> str:
 
 def unpack(channel: str, first: int, packed: np.ndarray, out: np.ndarray) -> None:
     """Decode material `channel`, from component `first` on, of packed (pixels, n) float32 into out (pixels[, m])."""
-    if channel in ("alpha", "roughness"):
+    if channel in ("alpha", "roughness", "occlusion"):
         np.subtract(np.float32(1.0), packed[:, first], out=out)
     elif out.ndim == 1:
         out[:] = packed[:, first]

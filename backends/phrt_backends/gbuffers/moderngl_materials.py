@@ -13,7 +13,7 @@ from phrt.world import World
 from phrt_backends.gbuffers.moderngl_shaders import SAMPLERS
 
 BLOCK_BYTES = 256
-"""A row of the uniform buffer: the block's 208 bytes at the largest offset alignment OpenGL may ask for."""
+"""A row of the uniform buffer: the block's 256 bytes at the largest offset alignment OpenGL may ask for."""
 SRGB8_ALPHA8 = 0x8C43
 
 
@@ -57,6 +57,7 @@ class MaterialSet:
             "normal_texture": "normal_world" in channels and self._has_tangents,
             "emissive_texture": "emissive" in channels and not unlit,
             "transmission_texture": "transmission" in channels,
+            "occlusion_texture": "occlusion" in channels,
         }
         slots = [slot for slot, needed in wanted.items() if needed and material[slot] != NO_TEXTURE]
         switches = {
@@ -80,7 +81,7 @@ class MaterialSet:
     def constant(self, channel: str) -> np.ndarray:
         """(materials, components) float32: the values of a channel that is not in `varying_channels`."""
         fields = ["emissive_r", "emissive_g", "emissive_b"] if channel == "emissive" else [channel]
-        if channel == "alpha":
+        if channel in ("alpha", "occlusion"):
             return np.ones((len(self._materials), 1), np.float32)
         return np.stack([self._materials[field] for field in fields], axis=1).astype(np.float32)
 
@@ -148,6 +149,7 @@ def varying_channels(world: World) -> frozenset[str]:
         "metallic": (materials["metallic_roughness_texture"] != NO_TEXTURE).any(),
         "roughness": (materials["metallic_roughness_texture"] != NO_TEXTURE).any(),
         "transmission": (materials["transmission_texture"] != NO_TEXTURE).any(),
+        "occlusion": (materials["occlusion_texture"] != NO_TEXTURE).any(),
         "emissive": ((materials["emissive_texture"] != NO_TEXTURE) | (materials["unlit"] != 0)).any(),
     }
     return frozenset(name for name, varies in reasons.items() if varies)
@@ -160,6 +162,7 @@ def _block_rows(world: World) -> np.ndarray:
         row[0:4] = [material[name] for name in ("base_r", "base_g", "base_b", "alpha")]
         row[4:8] = [material[name] for name in ("emissive_r", "emissive_g", "emissive_b", "alpha_cutoff")]
         row[8:12] = [material[name] for name in ("metallic", "roughness", "transmission", "normal_scale")]
+        row[60] = material["occlusion_strength"]
         for slot, name in enumerate(SAMPLERS):
             if material[name] == NO_TEXTURE:
                 continue

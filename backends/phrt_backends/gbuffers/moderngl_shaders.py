@@ -11,6 +11,7 @@ SAMPLERS = {
     "normal_texture": "NORMAL_MAP",
     "emissive_texture": "EMISSIVE_MAP",
     "transmission_texture": "TRANSMISSION_MAP",
+    "occlusion_texture": "OCCLUSION_MAP",
 }
 """Texture slots in the order of their texture units and of `uv_rows`; each is drawn when its feature is defined."""
 
@@ -71,7 +72,8 @@ layout(std140) uniform Material {{
     vec4 base_color;             // linear, with alpha
     vec4 emissive_and_cutoff;    // nits; alpha cut-off
     vec4 factors;                // metallic, roughness, transmission, normal scale
-    vec4 uv_rows[10];            // a slot: (m00, m01, m02, uv set), (m10, m11, m12, mirrored s + 2 * mirrored t)
+    vec4 uv_rows[12];            // a slot: (m00, m01, m02, uv set), (m10, m11, m12, mirrored s + 2 * mirrored t)
+    vec4 more;                   // occlusion strength
 }} material;
 
 uniform sampler2D base_color_texture;
@@ -79,6 +81,7 @@ uniform sampler2D metallic_roughness_texture;
 uniform sampler2D normal_texture;
 uniform sampler2D emissive_texture;
 uniform sampler2D transmission_texture;
+uniform sampler2D occlusion_texture;
 
 in vec3 v_position;
 in vec3 v_normal;
@@ -178,6 +181,10 @@ void main() {{
 #endif
 #ifdef TRANSMISSION_MAP
     transmission *= look_up(transmission_texture, 4).r;
+#endif
+    float occlusion = 1.0;
+#ifdef OCCLUSION_MAP
+    occlusion += material.more.x * (look_up(occlusion_texture, 5).r - 1.0);
 #endif
     vec3 emissive = material.emissive_and_cutoff.rgb;
 #ifdef EMISSIVE_MAP

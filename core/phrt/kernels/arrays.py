@@ -59,6 +59,7 @@ class SurfaceArrays(NamedTuple):
     metallic: np.ndarray
     roughness: np.ndarray
     transmission: np.ndarray
+    occlusion: np.ndarray
     emissive: np.ndarray
 
 
@@ -101,6 +102,7 @@ def empty_surfaces(count: int) -> SurfaceArrays:
         np.empty(count, u),
         np.empty(count, u),
         np.empty((count, 3), f),
+        np.empty(count, f),
         np.empty(count, f),
         np.empty(count, f),
         np.empty(count, f),

@@ -205,6 +205,7 @@ def shade_and_spawn(direction, distance, path_length, weight, target, medium, su
     at_metallic = surfaces.metallic
     at_roughness = surfaces.roughness
     at_transmission = surfaces.transmission
+    at_occlusion = surfaces.occlusion
     at_primitive_id = surfaces.primitive_id
     dome_sharp = environment.sharp
     dome_blurred = environment.blurred
@@ -269,7 +270,8 @@ def shade_and_spawn(direction, distance, path_length, weight, target, medium, su
                 sum_g += direct[i, k, 1] * v
                 sum_b += direct[i, k, 2] * v
             ar, ag, ab = ambient_light(dome_sharp, dome_irradiance, nx, ny, nz)
-            body = (f32(1.0) - metallic) * (f32(1.0) - through)
+            occlusion = at_occlusion[i]
+            body = (f32(1.0) - metallic) * (f32(1.0) - through) * occlusion
             sum_r += (f32(1.0) - fr) * body * red * ar
             sum_g += (f32(1.0) - fg) * body * green * ag
             sum_b += (f32(1.0) - fb) * body * blue * ab
@@ -295,7 +297,9 @@ def shade_and_spawn(direction, distance, path_length, weight, target, medium, su
                     count += 1
             elif medium[i] == 0:
                 r, g, b = environment_radiance(dome_sharp, dome_blurred, x, y, z, roughness)
-                sum_r, sum_g, sum_b = sum_r + fr * r, sum_g + fg * g, sum_b + fb * b
+                sum_r += fr * r * occlusion
+                sum_g += fg * g * occlusion
+                sum_b += fb * b * occlusion
 
             # What passes through.
             pass_r = wr * (f32(1.0) - fr) * through * (f32(1.0) - metallic) * red

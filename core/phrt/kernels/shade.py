@@ -79,7 +79,7 @@ def composite(start, stop, pixels, surfaces, materials, camera, background, dire
               refraction, environment, exposure, image):  # fmt: skip
     """Layers into the picture: rows start..stop of image (n, 3), linear, exposure applied.
 
-    L = emissive + (1 - F) (1 - metallic) (1 - transmission) base_color ambient ao + sum over lights direct visibility
+    L = emissive + (1 - F) (1 - metallic) (1 - transmission) base_color ambient ao baked + sum over lights direct visibility
         + F reflection + (1 - F) (1 - metallic) transmission base_color refraction;
     an alpha-blended surface covers what is behind it (the refraction layer) by its alpha.
     pixels (n,) int32, each row's place in the picture; camera (5, 3): eye, right * tan_half_x, up * tan_half_y, forward,
@@ -95,6 +95,7 @@ def composite(start, stop, pixels, surfaces, materials, camera, background, dire
     )
     base_color, emissive, alpha = surfaces.base_color, surfaces.emissive, surfaces.alpha
     metallic, roughness, transmission = surfaces.metallic, surfaces.roughness, surfaces.transmission
+    baked = surfaces.occlusion
     sharp, blurred, harmonics = environment.sharp, environment.blurred, environment.irradiance
     constant_dome = sharp.shape[1] == 1
     lights = direct.shape[1]
@@ -181,7 +182,7 @@ def composite(start, stop, pixels, surfaces, materials, camera, background, dire
         for i in range(size):
             row = block + i
             held = reflection_mask[row] != 0
-            occlusion = ao[row]
+            occlusion = ao[row] * baked[row]
             r = reflection[row, 0] if held else mirrored[0, i] * occlusion
             g = reflection[row, 1] if held else mirrored[1, i] * occlusion
             b = reflection[row, 2] if held else mirrored[2, i] * occlusion

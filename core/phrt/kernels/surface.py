@@ -63,6 +63,7 @@ def surface(
     out_metallic = out.metallic
     out_roughness = out.roughness
     out_transmission = out.transmission
+    out_occlusion = out.occlusion
     out_position = out.position
     out_normal = out.normal
     out_geometric_normal = out.geometric_normal
@@ -83,6 +84,7 @@ def surface(
             out_metallic[row] = f32(0.0)
             out_roughness[row] = f32(1.0)
             out_transmission[row] = f32(0.0)
+            out_occlusion[row] = f32(1.0)
             for k in range(3):
                 out_position[row, k] = f32(0.0)
                 out_normal[row, k] = f32(0.0)
@@ -189,6 +191,12 @@ def surface(
                 m_texels, m_textures, m_level_start, material.transmission_texture, u0, v0, u1, v1, footprint, False
             )
             transmission *= tr
+        occlusion = f32(1.0)
+        if material.occlusion_texture >= 0:
+            tr, _, _, _ = sample_texture(
+                m_texels, m_textures, m_level_start, material.occlusion_texture, u0, v0, u1, v1, footprint, False
+            )
+            occlusion += material.occlusion_strength * (tr - f32(1.0))
         er, eg, eb = material.emissive_r, material.emissive_g, material.emissive_b
         if material.emissive_texture >= 0:
             tr, tg, tb, _ = sample_texture(
@@ -211,5 +219,6 @@ def surface(
         out_metallic[row] = metallic
         out_roughness[row] = roughness
         out_transmission[row] = transmission
+        out_occlusion[row] = occlusion
         out_emissive[row, 0], out_emissive[row, 1], out_emissive[row, 2] = er, eg, eb
     return going_on

@@ -173,6 +173,7 @@ GBUFFER_PREVIEWS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "roughness": lambda array: _grey(array),
     "metallic": lambda array: _grey(array),
     "transmission": lambda array: _grey(array),
+    "occlusion": lambda array: _grey(array),
 }
 
 
