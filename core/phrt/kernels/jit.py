@@ -10,5 +10,8 @@ FASTMATH = {"nsz", "arcp", "contract", "afn", "reassoc"}
 kernel = numba.njit(nogil=True, cache=True, fastmath=FASTMATH, error_model="numpy")
 """A function over arrays, called from Python."""
 
+inlined = numba.njit(nogil=True, fastmath=FASTMATH, error_model="numpy", inline="always")
+"""A scalar function that is pasted into its caller: for the one call that every hit makes; it costs compile time."""
+
 device = numba.njit(nogil=True, fastmath=FASTMATH, error_model="numpy", inline="never")
 """A scalar function, called from kernels; LLVM inlines it where that pays."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from phrt.conventions import NO_PRIMITIVE
 from phrt.kernels.jit import kernel
-from phrt.kernels.textures import fast_log2, sample_texture
+from phrt.kernels.textures import fast_log2, sample_color, sample_texture
 from phrt.materials import ALPHA_BLEND, ALPHA_MASK
 
 f32 = np.float32
@@ -131,7 +131,7 @@ def surface(
         # Base colour and coverage.
         red, green, blue, alpha = material.base_r, material.base_g, material.base_b, material.alpha
         if material.base_color_texture >= 0:
-            tr, tg, tb, ta = sample_texture(
+            tr, tg, tb, ta = sample_color(
                 m_texels, m_textures, m_level_start, material.base_color_texture, u0, v0, u1, v1, footprint, True
             )
             red, green, blue, alpha = red * tr, green * tg, blue * tb, alpha * ta

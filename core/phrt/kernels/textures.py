@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phrt.kernels.jit import device
+from phrt.kernels.jit import device, inlined
 from phrt.kernels.mipmaps import SRGB_TO_LINEAR
 
 f32 = np.float32
@@ -40,7 +40,7 @@ def wrapped(coordinate, mode):
     return f32(1.0) - abs((half - f32(floor32(half))) * f32(2.0) - f32(1.0))
 
 
-@device
+@inlined
 def bilinear(texels, start, width, height, u, v, wrap_s, wrap_t, srgb):
     """(r, g, b, a) 0..1 at wrapped u, v of one mip level; colour decoded where srgb."""
     x = u * f32(width) - f32(0.5)
@@ -82,8 +82,8 @@ def bilinear(texels, start, width, height, u, v, wrap_s, wrap_t, srgb):
     return red, green, blue, alpha
 
 
-@device
-def sample_texture(texels, textures, level_start, row, u0, v0, u1, v1, footprint, srgb):
+@inlined
+def sample_color(texels, textures, level_start, row, u0, v0, u1, v1, footprint, srgb):
     """(r, g, b, a) of texture `row` at a hit: bilinear in the mip level nearest to the ray's footprint.
 
     footprint: log2 of the ray cone's width in uv units, as the `surface` kernel computes it.
@@ -105,3 +105,9 @@ def sample_texture(texels, textures, level_start, row, u0, v0, u1, v1, footprint
     width, height = max(texture.width >> level, np.int32(1)), max(texture.height >> level, np.int32(1))
     start = level_start[row, level]
     return bilinear(texels, start, width, height, tu, tv, texture.wrap_s, texture.wrap_t, srgb)
+
+
+@device
+def sample_texture(texels, textures, level_start, row, u0, v0, u1, v1, footprint, srgb):
+    """`sample_color`, as a call."""
+    return sample_color(texels, textures, level_start, row, u0, v0, u1, v1, footprint, srgb)
