@@ -28,6 +28,10 @@ class Animator:
             if moving[index]:
                 self._moving.append(index)
 
+    def moves(self, nodes: np.ndarray) -> np.ndarray:
+        """(n,) bool: which of `nodes` (n,) int a track moves, its own or that of a node above it."""
+        return np.isin(nodes, self._moving)
+
     def world_from_node(self, time: float) -> np.ndarray:
         """(nodes, 4, 4) float64 at `time` seconds, held at the ends of every track. A fresh array."""
         matrix = self._matrix.copy()

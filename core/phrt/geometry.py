@@ -12,7 +12,10 @@ from phrt.scene import Scene
 
 @dataclass
 class FlatGeometry:
-    """The arrays `World` documents, and what is needed to move objects. `object_node` (N + 1,) int32; row 0 is the background."""
+    """The arrays `World` documents, and what is needed to move objects. `object_node` (N + 1,) int32; row 0 is the background.
+
+    mirrored (N + 1,) bool: whose triangles are turned, so that they still face outwards where their matrix mirrors.
+    """
 
     positions: np.ndarray
     normals: np.ndarray
@@ -33,9 +36,13 @@ class FlatGeometry:
     triangle_count: np.ndarray
     object_node: np.ndarray
     object_matrix: np.ndarray
+    mirrored: np.ndarray
 
-    def move(self, node_matrix: np.ndarray, overrides: dict[int, np.ndarray]) -> list[int]:
-        """Bring every object to its node's matrix, or its override; returns the 1-based ids of those that moved."""
+    def move(self, node_matrix: np.ndarray, overrides: dict[int, np.ndarray]) -> tuple[list[int], list[int]]:
+        """Bring every object to its node's matrix, or its override.
+
+        Returns the 1-based ids of those that moved, and of those among them whose triangles were turned round in place.
+        """
         matrix = node_matrix[self.object_node] if len(node_matrix) else self.object_matrix.copy()
         matrix[0] = np.eye(4)
         for object_id, override in overrides.items():
@@ -45,7 +52,12 @@ class FlatGeometry:
         ids = [int(row) for row in moved]
         for row in ids:
             self._place(row)
-        return ids
+        turned = [int(row) for row in np.flatnonzero(mirrors(matrix) != self.mirrored)]
+        for row in turned:
+            faces = self.triangles[self.first_triangle[row] :][: self.triangle_count[row]]
+            faces[:, 1:] = faces[:, :0:-1].copy()
+            self.mirrored[row] ^= True
+        return ids, turned
 
     def _place(self, object_id: int) -> None:
         """Write object `object_id`'s world-space vertices from its local ones."""
@@ -110,6 +122,7 @@ def flatten(scene: Scene, node_matrix: np.ndarray) -> FlatGeometry:
         triangle_count=triangle_count,
         object_node=object_node,
         object_matrix=object_matrix,
+        mirrored=mirrors(object_matrix),
     )
     for object_id, mesh in enumerate(meshes, start=1):
         _copy_object(geometry, object_id, mesh)
@@ -134,8 +147,7 @@ def _copy_object(geometry: FlatGeometry, object_id: int, mesh: Mesh) -> None:
     faces = slice(
         geometry.first_triangle[object_id], geometry.first_triangle[object_id] + geometry.triangle_count[object_id]
     )
-    mirrored = np.linalg.det(geometry.object_matrix[object_id][:3, :3]) < 0
-    geometry.triangles[faces] = mesh.triangles[:, [0, 2, 1]] if mirrored else mesh.triangles
+    geometry.triangles[faces] = mesh.triangles[:, [0, 2, 1]] if geometry.mirrored[object_id] else mesh.triangles
     geometry.triangles[faces] += first
     geometry.triangle_material[faces] = mesh.triangle_material + 1
     geometry._place(object_id)
@@ -174,7 +186,8 @@ def texture_density(positions: np.ndarray, uv: np.ndarray, triangles: np.ndarray
     space 0..1 instead of texels, so that one constant serves textures of every size.
     """
     p = positions[triangles]
-    world = np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1)
+    # Squares of areas of large scenes do not fit into float32.
+    world = np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]).astype(np.float64), axis=1)
     t = uv[triangles]
     a, b = t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]
     texture = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
@@ -185,6 +198,11 @@ def _replace(mesh: Mesh, **changes: object) -> Mesh:
     from dataclasses import replace
 
     return replace(mesh, **changes)  # type: ignore[arg-type]
+
+
+def mirrors(matrix: np.ndarray) -> np.ndarray:
+    """(n,) bool: which of `matrix` (n, 4, 4) turn right-handed into left-handed."""
+    return np.asarray(np.linalg.det(matrix[:, :3, :3]) < 0)
 
 
 def _normal_matrix(matrix: np.ndarray) -> np.ndarray:

@@ -22,10 +22,14 @@ from phrt.textures import TextureAtlas, build_atlas
 
 @dataclass(frozen=True)
 class Changes:
-    """What moved between two times. objects: 1-based ids whose transform changed; lights: whether any light did."""
+    """What moved between two times. objects: 1-based ids whose transform changed; lights: whether any light did.
+
+    turned: those of `objects` whose transform began or ceased to mirror; their rows of `World.triangles` were rewritten.
+    """
 
     objects: tuple[int, ...] = ()
     lights: bool = False
+    turned: tuple[int, ...] = ()
 
     def __bool__(self) -> bool:
         return bool(self.objects) or self.lights
@@ -41,7 +45,9 @@ class World:
       triangle_lod (T,) float32, log2 of texture-space per world-space length of uv0 (times 0.5 of the areas' ratio).
     Objects: first_vertex, vertex_count, first_triangle, triangle_count (N + 1,) int32: objects own contiguous ranges;
       object_matrix (N + 1, 4, 4) float64, world_from_local; object_casts_shadow, object_opaque (N + 1,) bool.
+      moving_objects: 1-based ids of those that the scene's animation may move; any other may still be placed by hand.
       local_positions (V, 3) float32: object space, what `object_matrix` moves.
+    has_cutouts: does any surface have holes that rays must pass through (alpha mask or blend)?
     materials: MATERIAL_DTYPE (M + 1,); textures: TextureAtlas; lights: LIGHT_DTYPE (L,); environment: Environment.
     """
 
@@ -68,11 +74,14 @@ class World:
         self.first_vertex, self.vertex_count = geometry.first_vertex, geometry.vertex_count
         self.first_triangle, self.triangle_count = geometry.first_triangle, geometry.triangle_count
 
+        animated = self.animator.moves(geometry.object_node[1:])
+        self.moving_objects: tuple[int, ...] = tuple((np.flatnonzero(animated) + 1).tolist())
         self.object_casts_shadow = np.array([False, *(o.casts_shadow for o in scene.objects)])
         self.object_materials = object_material_mask(geometry, len(self.materials))
         self.object_opaque = ~self.object_has(self.material_lets_light_through())
         self.lights = light_table(scene.lights, self.node_matrix)
         self.environment = Environment.from_dome(scene.dome)
+        self.has_cutouts = self._has_cutouts()
 
     @property
     def object_matrix(self) -> np.ndarray:
@@ -84,8 +93,7 @@ class World:
         """Objects of the scene, the background not counted."""
         return len(self.scene.objects)
 
-    @property
-    def has_cutouts(self) -> bool:
+    def _has_cutouts(self) -> bool:
         """Does any surface have holes that rays must pass through (alpha mask or blend)?"""
         used = self.object_materials.any(axis=0)
         return bool(np.any(used & np.isin(self.materials["alpha_mode"], (ALPHA_MASK, ALPHA_BLEND))))
@@ -119,11 +127,11 @@ class World:
         """Move to `time` seconds, rewrite what moved in place, and say what it was."""
         self.time = time
         self.node_matrix = self.animator.world_from_node(time)
-        moved = self.geometry.move(self.node_matrix, self.overrides)
+        moved, turned = self.geometry.move(self.node_matrix, self.overrides)
         lights = light_table(self.scene.lights, self.node_matrix)
         lights_changed = lights.tobytes() != self.lights.tobytes()
         self.lights = lights
-        return Changes(objects=tuple(moved), lights=lights_changed)
+        return Changes(objects=tuple(moved), lights=lights_changed, turned=tuple(turned))
 
     def view(self, width: int, height: int, camera: int = 0) -> CameraView:
         """The view of scene camera number `camera` at the current time."""

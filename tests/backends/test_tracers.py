@@ -29,6 +29,7 @@ class TracerWorld:
     meshes: list[tuple[np.ndarray, np.ndarray]]
     matrices: list[np.ndarray] = field(default_factory=list)
     casts: list[bool] = field(default_factory=list)
+    moving_objects: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         count = len(self.meshes)
@@ -91,7 +92,7 @@ def rays_of(origin: Any, direction: Any, t_max: Any = np.inf, coherent: bool = F
 
 
 def moved(objects: Any) -> Any:
-    return SimpleNamespace(objects=tuple(int(i) for i in objects), lights=False)
+    return SimpleNamespace(objects=tuple(int(i) for i in objects), lights=False, turned=())
 
 
 def translation(x: float, y: float, z: float) -> np.ndarray:
@@ -429,6 +430,31 @@ def test_moving_objects_leave_the_others_bvh_alone(monkeypatch: pytest.MonkeyPat
     commits.clear()
     tracer.update(world, moved(objects))
     assert len(commits) == 1
+    tracer.close()
+
+
+def test_the_first_update_of_what_an_animation_moves_commits_the_top_scene_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from phrt_backends.tracers.embree_packets import EmbreePackets
+    from phrt_backends.tracers.embree_scene import EmbreeScene
+
+    tracer, world, objects = EmbreePackets(EmbreeOptions()), grid_world(), (3, 17, 42)
+    world.moving_objects = objects
+    tracer.build(world)
+    fresh, still = make_tracer("embree-packets"), grid_world()
+    fresh.build(still)
+    rays = grid_rays(3000, seed=5)
+    assert_same_hits(tracer.closest_hit(rays), fresh.closest_hit(rays), different=0.004)
+    commits: list[EmbreeScene] = []
+    commit = EmbreeScene.commit
+    monkeypatch.setattr(EmbreeScene, "commit", lambda scene: (commits.append(scene), commit(scene))[1])
+    for object_id in objects:
+        world.place(object_id, some_matrix(np.random.default_rng(object_id)))
+    tracer.update(world, moved(objects))
+    assert commits == [tracer._top]
+    fresh.build(world)
+    assert_same_hits(tracer.closest_hit(rays), fresh.closest_hit(rays), different=0.004)
     tracer.close()
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scene_kit import LAMBERT, MIRROR, QUAD_UV, Stage, at, floor, flipped, quad
+from scene_kit import LAMBERT, MIRROR, QUAD_UV, Stage, at, flipped, floor, quad
 
 from phrt.model import Material, TextureRef
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from phrt.conventions import NO_PRIMITIVE
-from phrt.world import World
+from phrt.world import Changes, World
 from phrt_backends.gbuffers.moderngl_provoking import own_corners
 
 CLUSTER_TRIANGLES = 512
@@ -66,9 +66,11 @@ class DrawGeometry:
         self._make_tables(world)
         self._measure(world, np.arange(len(self.cluster_first)))
 
-    def update(self, world: World, objects: tuple[int, ...]) -> None:
-        """Rewrite the vertices, cluster boxes and triangle normals of `objects`, 1-based ids."""
-        for object_id in objects:
+    def update(self, world: World, changes: Changes) -> None:
+        """Rewrite the vertices, cluster boxes and triangle normals of `changes.objects`, and turn the triangles of `turned`."""
+        if changes.turned:
+            self._turn(world, np.flatnonzero(np.isin(world.triangle_object[self.order], changes.turned)))
+        for object_id in changes.objects:
             first, count = int(world.first_vertex[object_id]), int(world.vertex_count[object_id])
             copies = slice(int(self._first_copy[object_id]), int(self._first_copy[object_id + 1]))
             for attribute in MOVING:
@@ -79,7 +81,7 @@ class DrawGeometry:
                 buffer.write(array[first : first + count], offset=first * stride)
                 if copies.stop > copies.start:
                     buffer.write(array[self._copies[copies]], offset=(len(array) + copies.start) * stride)
-        self._measure(world, np.flatnonzero(np.isin(self.cluster_object, objects)))
+        self._measure(world, np.flatnonzero(np.isin(self.cluster_object, changes.objects)))
 
     def visible(self, clip_from_world: np.ndarray, depth_row: np.ndarray, drawn: np.ndarray, cull: bool) -> Visible:
         """The clusters of `drawn` (C,) bool that touch the view volume; conservative: a box decides, not its triangles.
@@ -102,6 +104,14 @@ class DrawGeometry:
         """Give the buffers back."""
         for buffer in (*self.buffers.values(), self.indices, self.shared_indices):
             buffer.release()
+
+    def _turn(self, world: World, rows: np.ndarray) -> None:
+        """Let the triangles of `rows` face the other way; each keeps its own corner last."""
+        triangles = np.frombuffer(self.indices.read(), np.int32).reshape(-1, 3).copy()
+        triangles[rows, :2] = triangles[rows, 1::-1]
+        self.indices.write(triangles)
+        self._triangles[rows] = world.triangles[self.order[rows]]
+        self.shared_indices.write(self._triangles)
 
     def _make_clusters(self, world: World) -> None:
         material, owner = world.triangle_material[self.order], world.triangle_object[self.order]

@@ -112,10 +112,10 @@ class ModernglProducer(GBufferProducer):
                 self._materials = MaterialSet(self._gl, world)
 
     def update(self, world: World, changes: Changes) -> None:
-        """Rewrite the vertex ranges of `changes.objects`."""
+        """Rewrite the vertex ranges of `changes.objects`, and the corners' order of `changes.turned`."""
         if changes.objects and self._geometry is not None:
             with self._current():
-                self._geometry.update(world, changes.objects)
+                self._geometry.update(world, changes)
 
     def render(
         self,

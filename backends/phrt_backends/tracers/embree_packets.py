@@ -1,8 +1,9 @@
 """Embree through its own C interface, in packets of 16 rays from numba. The fast way of the `embree` tracer.
 
-Every object is a geometry whose id is the object's. While nothing moves, one static scene holds them all and is the
-root. An object that moves for the first time leaves the static scene (one rebuild), gets a scene of its own, in its
-local space, and becomes an instance in a small top scene; from then on moving it costs a commit of the top alone.
+Every object is a geometry whose id is the object's. One static scene holds those that stand still and is the root while
+none moves. Objects that the scene's animation moves get scenes of their own from the start, each in its local space, and are
+instances in a small top scene: moving them costs a commit of the top alone. An object that is moved by hand leaves the
+static scene the first time, at the price of one rebuild.
 """
 
 from __future__ import annotations
@@ -56,26 +57,27 @@ class EmbreePackets(Tracer):
         vertices = _padded(world.positions)
         triangles = np.ascontiguousarray(world.triangles, dtype=np.int32)
         static = self._new_scene()
-        for object_id in np.flatnonzero(world.triangle_count):
+        movers = [object_id for object_id in world.moving_objects if world.triangle_count[object_id]]
+        for object_id in np.setdiff1d(np.flatnonzero(world.triangle_count), movers):
             first = int(world.first_triangle[object_id])
             part = triangles[first : first + int(world.triangle_count[object_id])]
             static.attach_triangles(int(object_id), vertices, part, _mask(world, int(object_id)))
         static.commit()
         self._scenes[_STATIC_INSTANCE] = static
         self._root = static.handle
+        if movers:
+            self._place_movers(world, movers)
 
     def update(self, world: World, changes: Changes) -> None:
         moved = [object_id for object_id in changes.objects if world.triangle_count[object_id]]
         if not moved:
             return
-        if self._top is None:
-            self._top = self._new_scene()
-            self._top.attach_instance(_STATIC_INSTANCE, self._scenes[_STATIC_INSTANCE], np.eye(4))
-        self._make_movable(world, [object_id for object_id in moved if object_id not in self._scenes])
-        for object_id in moved:
-            self._top.move_instance(object_id, self._placement(world, object_id))
-        self._top.commit()
-        self._root = self._top.handle
+        known = [object_id for object_id in moved if object_id in self._scenes]
+        self._leave_static([object_id for object_id in moved if object_id not in self._scenes])
+        for object_id in set(known) & set(changes.turned):
+            self._scenes[object_id].rewrite_triangles(object_id, _object_triangles(world, object_id))
+            self._scenes[object_id].commit()
+        self._place_movers(world, moved)
 
     def closest_hit(self, rays: RayBatch) -> HitBatch:
         count = len(rays)
@@ -112,22 +114,35 @@ class EmbreePackets(Tracer):
         assert self._device is not None
         return EmbreeScene(self._device, self.options.build_quality, self.options.robust)
 
-    def _make_movable(self, world: World, objects: list[int]) -> None:
-        """Take `objects` out of the static scene, once, and make each an instance of its own scene."""
+    def _leave_static(self, objects: list[int]) -> None:
+        """Take `objects` out of the static scene, once."""
         if not objects:
             return
-        assert self._top is not None
         static = self._scenes[_STATIC_INSTANCE]
         for object_id in objects:
             static.detach(object_id)
-            scene = self._new_scene()
-            vertices, triangles = _object_arrays(world, object_id)
-            scene.attach_triangles(object_id, vertices, triangles, _mask(world, object_id))
-            scene.commit()
-            self._scenes[object_id] = scene
-            self._top.attach_instance(object_id, scene, np.eye(4))
         static.commit()
-        self._top.move_instance(_STATIC_INSTANCE, np.eye(4))  # its bounds may have shrunk
+        if self._top is not None:
+            self._top.move_instance(_STATIC_INSTANCE, np.eye(4))  # its bounds may have shrunk
+
+    def _place_movers(self, world: World, objects: list[int]) -> None:
+        """Bring `objects` to where they are now, as instances of their own scenes in the top scene, which becomes the root."""
+        if self._top is None:
+            self._top = self._new_scene()
+            self._top.attach_instance(_STATIC_INSTANCE, self._scenes[_STATIC_INSTANCE], np.eye(4))
+        for object_id in objects:
+            if object_id not in self._scenes:
+                scene = self._new_scene()
+                vertices = _padded(world.local_positions[_vertex_range(world, object_id)])
+                scene.attach_triangles(
+                    object_id, vertices, _object_triangles(world, object_id), _mask(world, object_id)
+                )
+                scene.commit()
+                self._scenes[object_id] = scene
+                self._top.attach_instance(object_id, scene, np.eye(4))
+            self._top.move_instance(object_id, self._placement(world, object_id))
+        self._top.commit()
+        self._root = self._top.handle
 
     def _placement(self, world: World, object_id: int) -> np.ndarray:
         """The instance's transform (4, 4). A matrix Embree cannot invert gives way to world positions and identity."""
@@ -162,11 +177,11 @@ def _vertex_range(world: World, object_id: int) -> slice:
     return slice(first, first + int(world.vertex_count[object_id]))
 
 
-def _object_arrays(world: World, object_id: int) -> tuple[np.ndarray, np.ndarray]:
-    """Padded local positions (V + 1, 3) of one object and its triangles (T, 3) int32 counting from its first vertex."""
+def _object_triangles(world: World, object_id: int) -> np.ndarray:
+    """The triangles (T, 3) int32 of one object, counting from its first vertex; a copy."""
     first = int(world.first_triangle[object_id])
     triangles = world.triangles[first : first + int(world.triangle_count[object_id])] - world.first_vertex[object_id]
-    return _padded(world.local_positions[_vertex_range(world, object_id)]), np.ascontiguousarray(triangles, np.int32)
+    return np.ascontiguousarray(triangles, np.int32)
 
 
 def _plain(rays: RayBatch) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -84,6 +84,15 @@ class EmbreeScene:
         functions.rtcCommitGeometry(geometry)
         self.device.check("updating vertices")
 
+    def rewrite_triangles(self, geometry_id: int, triangles: np.ndarray) -> None:
+        """Give geometry `geometry_id` as many other `triangles` (T, 3); takes effect with the next `commit`."""
+        functions = self.device.functions
+        self._shared[geometry_id][1][:] = triangles
+        geometry = functions.rtcGetGeometry(self.handle, geometry_id)
+        functions.rtcUpdateGeometryBuffer(geometry, abi.BUFFER_INDEX, 0)
+        functions.rtcCommitGeometry(geometry)
+        self.device.check("updating triangles")
+
     def detach(self, geometry_id: int) -> None:
         """Take a geometry out; takes effect with the next `commit`."""
         self.device.functions.rtcDetachGeometry(self.handle, geometry_id)
