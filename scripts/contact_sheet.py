@@ -46,13 +46,13 @@ def find_models(folder: Path) -> list[Path]:
     return found
 
 
-def render_tile(path: Path, name: str, size: tuple[int, int], aa: int, heuristic: str) -> Tile:
+def render_tile(path: Path, name: str, size: tuple[int, int], aa: int, heuristic: str, gbuffer: str = "auto") -> Tile:
     """The model framed and lit by default, or with its own camera; a red tile where that fails."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", phrt.PhrtWarning)
         try:
             scene = phrt.load_scene(path)
-            with phrt.Renderer(scene, size=size, heuristic=heuristic, aa=aa) as renderer:
+            with phrt.Renderer(scene, size=size, heuristic=heuristic, aa=aa, gbuffer=gbuffer) as renderer:
                 image = renderer.render(time=0.0).image
         except Exception as error:  # the sheet shows whatever went wrong, and goes on
             return Tile(name, failure_picture(size, error), f"{type(error).__name__}: {error}")
@@ -115,6 +115,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--columns", type=int, default=6, help="pictures in a row")
     parser.add_argument("--aa", type=int, default=4, help="samples per pixel")
     parser.add_argument("--heuristic", default="all_trace", help="who decides what is traced")
+    parser.add_argument("--gbuffer", default="auto", help="who finds what is seen: raycast, moderngl, auto")
     parser.add_argument("--only", default="", help="only files whose path contains this text")
     options = parser.parse_args(arguments)
     try:
@@ -127,7 +128,8 @@ def main(arguments: list[str] | None = None) -> int:
     tiles = []
     for number, path in enumerate(models, start=1):
         started = time.perf_counter()
-        tile = render_tile(path, tile_name(path, options.folder), options.size, options.aa, options.heuristic)
+        name = tile_name(path, options.folder)
+        tile = render_tile(path, name, options.size, options.aa, options.heuristic, options.gbuffer)
         tiles.append(tile)
         state = tile.failure or f"{time.perf_counter() - started:.1f} s"
         print(f"[{number}/{len(models)}] {tile.name}: {state}", file=sys.stderr)
