@@ -103,13 +103,20 @@ class CameraView:
 
 
 def rigid(matrix: np.ndarray) -> np.ndarray:
-    """`matrix` (4, 4) without scale and shear: its axes orthonormalised, its place kept."""
+    """`matrix` (4, 4) without scale and shear: its axes orthonormalised, its place kept. Axes that are scaled to nothing
+    are lost: the parent's stand in for them."""
     result = np.eye(4)
-    z = matrix[:3, 2] / max(float(np.linalg.norm(matrix[:3, 2])), 1e-12)
-    y = matrix[:3, 1] - z * (matrix[:3, 1] @ z)
-    y = y / max(float(np.linalg.norm(y)), 1e-12)
-    result[:3, 0], result[:3, 1], result[:3, 2] = np.cross(y, z), y, z
     result[:3, 3] = matrix[:3, 3]
+    lengths = np.linalg.norm(matrix[:3, :3], axis=0)
+    if lengths[1:].min() < 1e-30:
+        return result
+    z = matrix[:3, 2] / lengths[2]
+    y = matrix[:3, 1] / lengths[1]
+    y = y - z * (y @ z)
+    height = float(np.linalg.norm(y))
+    if height > 1e-9:
+        y = y / height
+        result[:3, 0], result[:3, 1], result[:3, 2] = np.cross(y, z), y, z
     return result
 
 

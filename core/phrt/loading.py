@@ -15,6 +15,7 @@ from phrt.description.layers import DESCRIPTOR_SUFFIXES, Composer, Stage, overri
 from phrt.description.models import loader_name
 from phrt.description.overrides import marked, parse_override
 from phrt.description.problems import Mark, Problems
+from phrt.description.seen import check_places
 from phrt.description.values import Value, value_of
 from phrt.errors import AssetError, OptionError
 from phrt.scene import Scene
@@ -39,8 +40,12 @@ def load_scene(
     AssetError for a missing or broken model file; OptionError for a malformed override.
     """
     file = Path(path).expanduser()
-    if not file.is_file():
-        raise AssetError(f"{file}: {'is not a file' if file.exists() else 'there is no such file'}")
+    try:
+        if not file.is_file():
+            raise AssetError(f"{file}: {'is not a file' if file.exists() else 'there is no such file'}")
+    except (OSError, ValueError) as error:
+        # A name that is too long, or holds a zero byte; a folder that may not be looked into.
+        raise AssetError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     changes = _as_mapping(overrides)
     variant = _variant(changes, variant)
     # A link to a scene may name what lies beside the link and what lies beside the scene.
@@ -50,6 +55,7 @@ def load_scene(
         scene = _described(file, roots, changes, variant, problems)
     else:
         scene = _bare_model(file, roots, changes, variant, problems)
+    check_places(scene)
     add_camera(scene)
     return scene
 

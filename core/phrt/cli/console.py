@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TextIO
@@ -70,6 +70,12 @@ def tidy_warnings() -> Iterator[None]:
 
         warnings.showwarning = show
         yield
+
+
+def warn_of(messages: Iterable[str]) -> None:
+    """Each message as a `PhrtWarning`."""
+    for message in messages:
+        warnings.warn(message, PhrtWarning, stacklevel=2)
 
 
 def escape(text: str) -> str:

@@ -43,10 +43,10 @@ def parse_frames(text: str) -> FrameRange:
             f"--frames is '{text}', expected FIRST:STOP (STOP not included), as in 0:300, or one frame, as in 20"
         )
     first = int(match[1])
-    frames = FrameRange(first, int(match[2]) if match[2] else first + 1)
-    if not 1 <= len(frames) <= MOST_FRAMES:
+    stop = int(match[2]) if match[2] else first + 1
+    if not 1 <= stop - first <= MOST_FRAMES:
         raise OptionError(f"--frames is '{text}', expected FIRST below STOP and at most {MOST_FRAMES} frames")
-    return frames
+    return FrameRange(first, stop)
 
 
 def parse_budget(text: str) -> None:

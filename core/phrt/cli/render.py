@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from phrt.cli.console import DelayedProgress, say, session
+from phrt.cli.console import DelayedProgress, say, session, warn_of
 from phrt.cli.options import DebugOption, JsonOption, PluginOption, QuietOption, SceneArgument
 from phrt.cli.parsing import (
     FrameRange,
@@ -83,11 +83,13 @@ def render(
     check_arguments(threads, aa, time, exposure, given_frames)
 
     from phrt.cli.writers import is_video, open_writer
+    from phrt.description.seen import lacking
     from phrt.loading import load_scene
     from phrt.renderer import Renderer
 
     with DelayedProgress(1, f"loading {scene.name}"):
         loaded = load_scene(scene, overrides=define, variant=situation)
+        warn_of(lacking(loaded))
         settings = loaded.settings
         if exposure is not None:
             settings.exposure = exposure

@@ -83,6 +83,8 @@ def open_writer(
     """The writer for `output`. Cheap; raises OptionError for a path that cannot be written or fits no sequence."""
     curve_code(tone_map)
     check_output(numbered(output, 0), (*PICTURE_SUFFIXES, *VIDEO_SUFFIXES))
+    if layers is not None and layers.exists() and not layers.is_dir():
+        raise OptionError(f"cannot write layers into '{layers}': it is a file, not a folder")
     if output.suffix.lower() in VIDEO_SUFFIXES:
         return MovieWriter(output, tone_map, layers, size, fps)
     if frame_count > 1 and not is_pattern(output):

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
 from phrt.errors import AssetError
 
 ASSETS_VARIABLE = "PHRT_ASSETS"
+
+_ADDRESS = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+://|(data|file):", re.IGNORECASE)
+
+
+class MissingAssetError(AssetError):
+    """The name could stand for a file inside the asset roots, but there is none."""
 
 
 class AssetRoots:
@@ -22,7 +29,8 @@ class AssetRoots:
     def find(self, asset: str, beside: Path) -> Path:
         """The file `asset`, looked for in folder `beside` and then in every root, as a resolved path inside a root.
 
-        Raises AssetError that names the asset and the roots when it is outside of them or missing.
+        Raises AssetError that names the asset and the roots when it is outside of them; MissingAssetError when it is
+        not there. Addresses are refused: nothing is fetched.
         """
         if "\0" in asset or not asset:
             raise AssetError(f"'{asset!r}' is not a file name")
@@ -39,4 +47,8 @@ class AssetRoots:
         roots = ", ".join(str(folder) for folder in self.folders)
         if outside:
             raise AssetError(f"'{asset}' leaves the asset roots; files must lie inside one of: {roots}")
-        raise AssetError(f"'{asset}' was not found; looked in: {roots}. More folders can be named in {ASSETS_VARIABLE}")
+        if _ADDRESS.match(asset):
+            raise AssetError(f"'{asset[:80]}' is an address; only names of files are read, inside one of: {roots}")
+        raise MissingAssetError(
+            f"'{asset}' was not found; looked in: {roots}. More folders can be named in {ASSETS_VARIABLE}"
+        )

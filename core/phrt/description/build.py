@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from phrt.description.assets import AssetRoots
+from phrt.description.assets import AssetRoots, MissingAssetError
 from phrt.description.convert import LightPrim, changed_material, lens_of, light_of, settings_of, texture_slots
 from phrt.description.fields import Described
 from phrt.description.inherited import Inherited, prim_name, unique, warn_of_unknown_effects
 from phrt.description.layers import DESCRIPTOR_SUFFIXES, Stage
 from phrt.description.models import ModelStore
 from phrt.description.motion import animation_tracks, camera_rest, camera_tracks, look_at_matrix, matrix_of
-from phrt.description.pictures import checker_image, read_dome, read_texture, texture_ref
+from phrt.description.pictures import PLACEHOLDER, checker_image, read_dome, read_texture, texture_ref
 from phrt.description.placing import ModelPlacer
 from phrt.description.prims import (
     PRIM_TYPES,
@@ -39,7 +40,7 @@ from phrt.description.problems import Mark, Problems, listed
 from phrt.description.shapes import box, icosphere, inline_mesh, plane
 from phrt.description.validation import validated
 from phrt.description.values import Value
-from phrt.errors import InputError, did_you_mean
+from phrt.errors import InputError, PhrtWarning, did_you_mean
 from phrt.materials import TEXTURE_SLOTS
 from phrt.model import Image, Material, Mesh, Model, TextureRef
 from phrt.scene import Dome, Scene, SceneCamera, SceneLight, SceneNode, SceneObject
@@ -193,11 +194,13 @@ class Builder:
     def _texture(self, texture: Texture, path: str, mark: Mark) -> TextureRef | None:
         if texture.checker is not None:
             return texture_ref(texture, self._image(texture.checker, checker_image(texture.checker)))
-        file = self.file(path, mark, str(texture.asset))
-        if file is None:
-            return None
         try:
+            file = self._find(mark, str(texture.asset))
             return texture_ref(texture, self._image(file, None if file in self._images else read_texture(file)))
+        except MissingAssetError as error:
+            # The rest of the scene is worth a picture, which shows where the texture belongs.
+            warnings.warn(f"{mark}: {path}: {error}; a magenta checker is shown", PhrtWarning, stacklevel=2)
+            return texture_ref(texture, self._image(PLACEHOLDER, checker_image(PLACEHOLDER)))
         except InputError as error:
             self.problems.add(mark, path, str(error))
             return None
@@ -211,13 +214,16 @@ class Builder:
 
     def file(self, path: str, mark: Mark, asset: str) -> Path | None:
         """The file `asset` names, looked for beside the file that names it, or None with a problem added."""
-        beside = mark.file or self.scene.source
-        assert beside is not None
         try:
-            return self._roots.find(asset, beside.parent)
+            return self._find(mark, asset)
         except InputError as error:
             self.problems.add(mark, path, str(error))
             return None
+
+    def _find(self, mark: Mark, asset: str) -> Path:
+        beside = mark.file or self.scene.source
+        assert beside is not None
+        return self._roots.find(asset, beside.parent)
 
     def _model(self, path: str, prim: ReferencePrim | MeshPrim) -> Model | None:
         if prim.asset is None and isinstance(prim, MeshPrim):

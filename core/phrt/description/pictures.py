@@ -14,6 +14,9 @@ from phrt.model import Image, TextureRef
 
 MAX_PIXELS = 8192 * 4096
 MAX_BYTES = 512 * 1024 * 1024
+PLACEHOLDER = ((1.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+"""The checker shown for a texture that is missing: nobody takes magenta and black for the real one."""
+
 HDR_SUFFIXES = (".hdr", ".exr")
 
 
@@ -32,6 +35,8 @@ def read_texture(path: Path) -> Image:
                 pixels = np.asarray(picture.convert("RGBA"), dtype=np.uint8)
     except AssetError:
         raise
+    except Pillow.DecompressionBombError:
+        raise AssetError(f"{path}: far too many pixels; at most {MAX_PIXELS} are read") from None
     except Exception as error:
         raise AssetError(f"{path}: is not a picture that can be read: {error}") from None
     return Image(path.name, pixels)

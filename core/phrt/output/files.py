@@ -24,9 +24,14 @@ def check_output(path: str | Path, suffixes: tuple[str, ...]) -> Path:
         raise OptionError(
             f"cannot write '{path}': {given} is not one of {', '.join(suffixes)}.{did_you_mean(suffix, list(suffixes))}"
         )
-    if path.is_dir():
+    try:
+        is_folder, has_folder = path.is_dir(), path.parent.is_dir()
+    except (OSError, ValueError) as error:
+        # A name that is too long, or holds a zero byte.
+        raise OptionError(f"cannot write '{path}': {getattr(error, 'strerror', None) or error}") from error
+    if is_folder:
         raise OptionError(f"cannot write '{path}': it is a folder")
-    if not path.parent.is_dir():
+    if not has_folder:
         raise OptionError(f"cannot write '{path}': the folder '{path.parent}' does not exist")
     if not os.access(path.parent, os.W_OK | os.X_OK):
         raise OptionError(f"cannot write '{path}': no permission to write in '{path.parent}'")

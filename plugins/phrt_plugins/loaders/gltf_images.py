@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from PIL import Image as Pillow
-from PIL import features
+from PIL import UnidentifiedImageError, features
 
 from phrt.errors import AssetError
 from phrt.interfaces.loader import LoadContext
@@ -162,11 +162,13 @@ def open_picture(data: bytes, where: str) -> Any:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return Pillow.open(io.BytesIO(data), formats=FORMATS)
-    except Pillow.DecompressionBombError as error:
-        raise AssetError(f"{where}: is too large an image: {error}") from None
+    except Pillow.DecompressionBombError:
+        raise AssetError(f"{where}: is too large an image; at most {MAX_PIXELS:,} pixels are read") from None
     except Exception as error:  # what image decoders raise on broken data is open-ended
         what = "is empty" if not data else "is not a readable PNG, JPEG or WebP image"
-        raise ImageUnreadableError(f"{what} ({shorten(str(error), 120)})") from None
+        # What Pillow does not know at all it tells by an address in memory.
+        reason = "" if isinstance(error, UnidentifiedImageError) else f" ({shorten(str(error), 120)})"
+        raise ImageUnreadableError(what + reason) from None
 
 
 def to_rgba(picture: Any, max_size: int) -> np.ndarray:

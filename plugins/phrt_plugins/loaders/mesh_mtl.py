@@ -79,7 +79,7 @@ def parse_mtl(text: str, name: str, warn: Callable[[str], None]) -> dict[str, Mt
                 values = [float(word) for word in rest.split()[:3]]
             except ValueError:
                 values = []
-            if values and np.isfinite(values).all():
+            if values and (np.abs(values) <= 1e18).all():
                 entry.numbers[key] = values
             else:
                 odd.append(f"line {number}: '{line.strip()[:40]}'")

@@ -61,10 +61,10 @@ def check(soup: Soup, place: str, warn: Callable[[str], None]) -> Soup:
     if soup.normals is not None and soup.normal_index is not None:
         _check_index(np.maximum(soup.normal_index, 0), max(len(soup.normals), 1), "normal", place)
     used = np.unique(soup.triangles)
-    bad = ~fits_float32(soup.positions[used])
+    bad = ~in_range(soup.positions[used])
     if bad.any():
         raise AssetError(
-            f"{place}: position of vertex {used[np.argmax(bad)] + 1} is NaN, infinite or beyond float32 "
+            f"{place}: position of vertex {used[np.argmax(bad)] + 1} is NaN, infinite or beyond 1e18 "
             f"({int(bad.sum())} of {len(used)} used vertices)"
         )
     if not np.ptp(soup.positions[used], axis=0).any():
@@ -75,9 +75,9 @@ def check(soup: Soup, place: str, warn: Callable[[str], None]) -> Soup:
     return kept
 
 
-def fits_float32(rows: np.ndarray) -> np.ndarray:
-    """(n,) bool: are all values of a row of (n, k) finite as float32?"""
-    return (np.abs(rows) <= float(np.finfo(np.float32).max)).all(axis=1)
+def in_range(rows: np.ndarray) -> np.ndarray:
+    """(n,) bool: are all values of a row of (n, k) numbers up to 1e18, so that areas still fit into float32?"""
+    return (np.abs(rows) <= 1e18).all(axis=1)
 
 
 def _check_index(index: np.ndarray, count: int, what: str, place: str) -> None:
@@ -180,7 +180,7 @@ def _unique_rows(columns: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
 
 def upward_uvs(uvs: np.ndarray, warn: Callable[[str], None]) -> np.ndarray:
     """(n, 2) `uvs` whose v runs up, turned to run down; what is not finite becomes 0, with a warning."""
-    good = fits_float32(uvs)
+    good = in_range(uvs)
     if not good.all():
         warn(f"{int((~good).sum())} of {len(uvs)} texture coordinates are not finite and were set to 0")
     return np.where(good[:, None], np.column_stack([uvs[:, 0], 1.0 - uvs[:, 1]]), 0.0)

@@ -12,7 +12,7 @@ from phrt.errors import AssetError
 from phrt.interfaces.loader import MAX_FILE_BYTES, LoadContext
 
 FORMATS = ("PNG", "JPEG", "WEBP", "TGA", "BMP", "GIF", "TIFF")
-MAX_PIXELS = 16384 * 16384
+MAX_PIXELS = 8192 * 8192
 
 
 def read_texture(
@@ -50,6 +50,8 @@ def _read(path: Path, max_size: int) -> np.ndarray:
                 rgba = image.convert("RGBA")
     except AssetError:
         raise
+    except Pillow.DecompressionBombError:
+        raise AssetError(f"'{path.name}' has more than {MAX_PIXELS} pixels") from None
     except Exception as error:  # what image decoders raise on broken data is open-ended
         raise AssetError(f"'{path.name}' is not a readable image: {error}") from error
     if max(rgba.size) > max_size:
