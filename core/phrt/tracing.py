@@ -114,6 +114,7 @@ def gather(
     in or 0; path_length (n,) metres from the eye. max_depth: bounces after the first hit. Hits are lit with shadows.
     """
     radiance = np.zeros((targets, 3), np.float32)
+    hidden = np.zeros(frame.world.object_count + 1, np.uint8)
     lights = frame.world.lights
     total = 0
     for depth in range(max_depth + 1):
@@ -129,7 +130,7 @@ def gather(
         cone = np.array([0.0, frame.view.pixel_spread], np.float32)
         surface(
             direction, path_length, hits.primitive, hits.barycentric, frame.geometry, frame.materials,
-            _NOWHERE, _NOWHERE, cone, False, rows, points, np.empty(count, np.uint8),
+            _NOWHERE, _NOWHERE, cone, hidden, False, rows, points, np.empty(count, np.uint8),
         )  # fmt: skip
         direct = np.empty((count, len(lights), 3), np.float32)
         direct_light(0, count, points, frame.materials.materials, lights, direction, False, direct)

@@ -45,6 +45,8 @@ class RaycastProducer(GBufferProducer):
         self._world = world
         self._geometry = geometry_arrays(world)
         self._materials = material_arrays(world)
+        self._all_seen = np.zeros(world.object_count + 1, np.uint8)
+        self._opaque_seen = (~world.object_opaque).astype(np.uint8)
         self._previous_clip = None
 
     def update(self, world: World, changes: Changes) -> None:
@@ -69,8 +71,10 @@ class RaycastProducer(GBufferProducer):
         order = tile_order(view.width, view.height) if pixels is None else pixels
         world_from_view = view.world_from_view.astype(np.float32)
 
+        hidden = self._opaque_seen if opaque_only else self._all_seen
+
         def chunk(part: slice) -> None:
-            self._chunk(order[part], view, world_from_view, out, opaque_only)
+            self._chunk(order[part], view, world_from_view, out, hidden)
 
         self._workers.map(chunk, chunks(len(order), self._options.chunk_pixels, self._workers.threads))
         if "motion" in channels:
@@ -78,7 +82,7 @@ class RaycastProducer(GBufferProducer):
         return gbuffer
 
     def _chunk(
-        self, pixels: np.ndarray, view: CameraView, world_from_view: np.ndarray, out: SurfaceArrays, opaque_only: bool
+        self, pixels: np.ndarray, view: CameraView, world_from_view: np.ndarray, out: SurfaceArrays, hidden: np.ndarray
     ) -> None:
         count = len(pixels)
         rays = RayBatch(
@@ -108,10 +112,8 @@ class RaycastProducer(GBufferProducer):
         passed = np.empty(count, np.uint8)
         again = surface(
             rays.direction, travelled, hits.primitive, hits.barycentric, self._geometry, self._materials,
-            eye, forward, cone, True, pixels, out, passed,
+            eye, forward, cone, hidden, True, pixels, out, passed,
         )  # fmt: skip
-        if opaque_only:
-            again = self._pass_transparent(pixels, out, passed)
         layers = 0
         while again and layers < MAX_LAYERS:
             layers += 1
@@ -120,19 +122,10 @@ class RaycastProducer(GBufferProducer):
             passed = np.empty(len(index), np.uint8)
             again = surface(
                 rays.direction, travelled, hits.primitive, hits.barycentric, self._geometry, self._materials,
-                eye, forward, cone, True, pixels, out, passed,
+                eye, forward, cone, hidden, True, pixels, out, passed,
             )  # fmt: skip
-            if opaque_only:
-                again = self._pass_transparent(pixels, out, passed)
         if again:
             self._miss(pixels[np.flatnonzero(passed)], out, eye, forward, cone)
-
-    def _pass_transparent(self, pixels: np.ndarray, out: SurfaceArrays, passed: np.ndarray) -> int:
-        """Mark the hits on objects that let light through, too; returns how many rays go on."""
-        written = np.flatnonzero(passed == 0)
-        object_id = out.object_id[pixels[written]]
-        passed[written[~self._world.object_opaque[object_id] & (object_id != 0)]] = 1
-        return int(np.count_nonzero(passed))
 
     def _behind(
         self, rays: RayBatch, distance: np.ndarray, pixels: np.ndarray, travelled: np.ndarray, index: np.ndarray
@@ -156,8 +149,8 @@ class RaycastProducer(GBufferProducer):
         count = len(pixels)
         surface(
             np.zeros((count, 3), np.float32), np.zeros(count, np.float32), np.full(count, 0xFFFFFFFF, np.uint32),
-            np.zeros((count, 2), np.float32), self._geometry, self._materials, eye, forward, cone, True, pixels, out,
-            np.empty(count, np.uint8),
+            np.zeros((count, 2), np.float32), self._geometry, self._materials, eye, forward, cone, self._all_seen, True,
+            pixels, out, np.empty(count, np.uint8),
         )  # fmt: skip
 
     def _motion(self, view: CameraView, gbuffer: GBuffer, pixels: np.ndarray | None) -> None:

@@ -26,6 +26,7 @@ def surface(
     eye,
     forward,
     cone,
+    hidden,
     eye_ray,
     target,
     out,
@@ -35,9 +36,9 @@ def surface(
 
     direction (n, 3) unit; path_length (n,) metres travelled from the eye, for the ray cone; primitive (n,) uint32;
     barycentric (n, 2); eye, forward (3,) for `depth`; cone (2,): width at the eye in metres, and spread per metre;
-    target (n,) int32. Misses get the channels' clear values.
+    target (n,) int32. Misses get the channels' clear values. hidden (N + 1,) uint8: objects that every ray passes.
     eye_ray: back faces of single-sided materials and holes of alpha masks are not there: passed (n,) uint8 is set to 1 where
-    the ray must go on behind its hit, and that row is not written. Other rays have passed their holes before
+    the ray must go on behind its hit (hidden ones too), and that row is not written. Other rays have passed their holes before
     (`phrt.tracing.nearest`) and see both sides. Returns how many must go on.
     """
     # Out of the loop: a tuple's array costs a reference count every time it is taken out.
@@ -93,6 +94,10 @@ def surface(
                 out_emissive[row, k] = f32(0.0)
             out_uv[row, 0] = f32(0.0)
             out_uv[row, 1] = f32(0.0)
+            continue
+        if hidden[g_triangle_object[p]]:
+            passed[i] = 1
+            going_on += 1
             continue
         a, b, c = np.uint32(g_triangles[p, 0]), np.uint32(g_triangles[p, 1]), np.uint32(g_triangles[p, 2])
         wb, wc = barycentric[i, 0], barycentric[i, 1]
