@@ -1,0 +1,252 @@
+"""The scheduler: what a heuristic asks for is traced, once, and a broken effect does not end the frame."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from phrt.candidates import WorkItems
+from phrt.errors import PhrtWarning
+from phrt.frame import MASK_FALLBACK, MASK_FILLED, MASK_TRACED
+from phrt.interfaces.effect import EffectResult, LayerSpec, RayEffect
+from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic, Outcome, Request
+from phrt.layers import LayerSet, apply_fallbacks
+from phrt.ledger import merged
+from phrt.scheduler import BudgetScheduler
+from phrt.workers import Workers
+
+SIZES = (300, 200, 100)
+"""Pixels of the three objects; effect 0 applies to all, effect 1 to the last two."""
+
+
+class Painter(RayEffect):
+    """Writes each pixel's index; remembers what it was asked for."""
+
+    reads = ()
+
+    def __init__(self, name: str, fallback: float | None = None) -> None:
+        self.name, self.writes = name, LayerSpec(f"{name}_layer", 1, 0.0, "")
+        self._fallback = fallback
+        self.asked: list[np.ndarray] = []
+
+    def applies_to(self, world: Any) -> np.ndarray:
+        return np.ones(1, bool)
+
+    def rays_per_pixel(self, world: Any) -> float:
+        return 2.0
+
+    def trace(self, frame: Any, pixels: np.ndarray) -> EffectResult:
+        self.asked.append(pixels)
+        return EffectResult(pixels[:, None].astype(np.float32), 2 * len(pixels))
+
+    def fallback(self, frame: Any, pixels: np.ndarray) -> np.ndarray | None:
+        return None if self._fallback is None else np.full((len(pixels), 1), self._fallback, np.float32)
+
+
+class Raising(Painter):
+    def trace(self, frame: Any, pixels: np.ndarray) -> EffectResult:
+        raise RuntimeError("the cable came off")
+
+
+class HalfRaising(Painter):
+    """Fails on the pixels of the last object."""
+
+    def trace(self, frame: Any, pixels: np.ndarray) -> EffectResult:
+        if pixels.max() >= 500:
+            raise RuntimeError("the cable came off")
+        return super().trace(frame, pixels)
+
+
+class WrongShape(Painter):
+    def trace(self, frame: Any, pixels: np.ndarray) -> EffectResult:
+        return EffectResult(np.zeros((len(pixels), 3), np.float32), 0)
+
+
+class WrongType(Painter):
+    def trace(self, frame: Any, pixels: np.ndarray) -> EffectResult:
+        return EffectResult(np.zeros((len(pixels), 1), np.float64), 0)
+
+
+class Picks(Heuristic):
+    """Asks for a fixed list of items; None in the list ends a wave."""
+
+    def __init__(self, items: list[Any]) -> None:
+        self.items = items
+        self.calls: list[str] = []
+        self.outcomes: dict[int, Outcome] = {}
+
+    def begin_frame(self, candidates: Candidates, context: FrameContext) -> None:
+        self.calls.append("begin")
+        self.left = list(self.items)
+
+    def next(self, remaining: float) -> int | Request | None:
+        return self.left.pop(0) if self.left else None
+
+    def report(self, item: int, outcome: Outcome) -> None:
+        self.calls.append(f"report {item}")
+        self.outcomes[item] = outcome
+
+    def end_frame(self) -> None:
+        self.calls.append("end")
+
+
+def work_items() -> WorkItems:
+    first = np.concatenate([[0], np.cumsum(SIZES)[:-1]])
+    pixels = np.arange(600, dtype=np.int32)
+    counts = np.array([*SIZES, *SIZES[1:]], np.int32)
+    candidates = Candidates(
+        effect_names=("one", "two"),
+        object_id=np.array([1, 2, 3, 2, 3], np.int32),
+        effect=np.array([0, 0, 0, 1, 1], np.int32),
+        pixel_count=counts,
+        ray_estimate=np.full(5, 2.0, np.float32),
+        mandatory=np.zeros(5, bool),
+        area=(counts / 600).astype(np.float32),
+    )
+    return WorkItems(candidates, [pixels, pixels[300:]], np.array([*first, 0, 200]))
+
+
+def run(effects: list[Painter], heuristic: Heuristic, scheduler: BudgetScheduler | None = None) -> tuple[Any, LayerSet]:
+    layers = LayerSet({}, {})
+    for effect in effects:
+        layers.arrays[effect.writes.name] = np.full((600, 1), effect.writes.clear, np.float32)
+        layers.masks[effect.writes.name] = np.zeros(600, np.uint8)
+    frame: Any = SimpleNamespace(
+        world=SimpleNamespace(lights=[]),
+        workers=Workers(2),
+        view=SimpleNamespace(width=30, height=20),
+        surfaces=SimpleNamespace(object_id=np.repeat(np.array([1, 2, 3], np.uint32), SIZES)),
+    )
+    context = FrameContext(frame.world, 0, 0.0, float("inf"))
+    work = work_items()
+    decisions = (scheduler or BudgetScheduler()).run(frame, effects, work, heuristic, context, layers)  # type: ignore[arg-type]
+    apply_fallbacks(frame, effects, work, decisions, layers)  # type: ignore[arg-type]
+    frame.workers.close()
+    return decisions, layers
+
+
+def painters() -> list[Painter]:
+    return [Painter("one"), Painter("two", fallback=-1.0)]
+
+
+def test_everything_asked_for_is_traced_and_nothing_else() -> None:
+    effects = painters()
+    decisions, layers = run(effects, Picks([0, 2, 3]))
+    assert decisions.chosen.tolist() == [True, False, True, True, False]
+    assert decisions.traced_pixels.tolist() == [300, 0, 100, 200, 0]
+    one, two = (layers.arrays[f"{name}_layer"][:, 0] for name in ("one", "two"))
+    np.testing.assert_array_equal(one, np.where((np.arange(600) < 300) | (np.arange(600) >= 500), np.arange(600), 0))
+    np.testing.assert_array_equal(two[300:], [*range(300, 500), *[-1.0] * 100])
+    masks = layers.masks["two_layer"]
+    assert np.unique(masks[:300]).tolist() == [0], "the effect does not apply there"
+    assert np.unique(masks[300:500]).tolist() == [MASK_TRACED]
+    assert np.unique(masks[500:]).tolist() == [MASK_FALLBACK]
+    assert sorted(np.concatenate(effects[0].asked).tolist()) == [*range(300), *range(500, 600)]
+
+
+def test_rays_are_shared_out_by_pixels_and_reported_between_begin_and_end() -> None:
+    heuristic = Picks([4, 0, 1])
+    decisions, layers = run(painters(), heuristic)
+    assert heuristic.calls == ["begin", "report 4", "report 0", "report 1", "end"]
+    assert decisions.rays.tolist() == [600, 400, 0, 0, 200]
+    assert layers.rays == {"one": 1000, "two": 200}
+    outcome = heuristic.outcomes[0]
+    assert (outcome.pixels, outcome.rays, outcome.complete) == (300, 600, True)
+    assert np.all(decisions.milliseconds[[0, 1, 4]] > 0)
+
+
+def test_a_heuristic_may_answer_in_several_waves() -> None:
+    heuristic = Picks([0, None, 3, None, 1])
+    decisions, _ = run(painters(), heuristic)
+    assert decisions.chosen.tolist() == [True, True, False, True, False]
+    assert heuristic.calls == ["begin", "report 0", "report 3", "report 1", "end"]
+
+
+def test_a_heuristic_that_wants_nothing_leaves_every_fallback() -> None:
+    effects = painters()
+    decisions, layers = run(effects, Picks([]))
+    assert not decisions.chosen.any()
+    assert not effects[0].asked
+    assert np.all(layers.arrays["two_layer"][300:] == -1)
+
+
+@pytest.mark.parametrize("items", [[0, 0], [5], [-1], [2, None, 2]])
+def test_an_item_twice_or_out_of_range_is_the_heuristics_fault(items: list[int | None]) -> None:
+    with pytest.raises(ValueError, match=r"heuristic Picks returned item -?\d: not one of 5, or twice"):
+        run(painters(), Picks(items))
+
+
+@pytest.mark.parametrize(
+    ("broken", "reason"),
+    [
+        (Raising, "RuntimeError: the cable came off"),
+        (WrongShape, r"ValueError: returned float32\(\d+, 3\), its layer needs float32\(\d+, 1\)"),
+        (WrongType, r"ValueError: returned float64\(\d+, 1\), its layer needs float32\(\d+, 1\)"),
+    ],
+)
+def test_a_broken_effect_is_switched_off_with_one_warning_and_the_frame_goes_on(
+    broken: type[Painter], reason: str
+) -> None:
+    effects, scheduler = [broken("one", fallback=7.0), Painter("two")], BudgetScheduler()
+    match = f"effect 'one' failed and is switched off, its pixels take the fallback: {reason}"
+    with pytest.warns(PhrtWarning, match=match) as caught:
+        decisions, layers = run(effects, Picks([0, 1, 2, 3, 4]), scheduler)
+    assert len(caught) == 1
+    assert decisions.chosen.tolist() == [False, False, False, True, True]
+    assert np.all(layers.arrays["one_layer"] == 7)
+    np.testing.assert_array_equal(layers.arrays["two_layer"][300:, 0], np.arange(300, 600))
+    # For the rest of the run it stays off, without another word (a warning would be an error here).
+    decisions, layers = run(effects, Picks([0, 1, 2, 3, 4]), scheduler)
+    assert decisions.chosen.tolist() == [False, False, False, True, True]
+    assert np.all(layers.arrays["one_layer"] == 7)
+
+
+@pytest.mark.parametrize("fallback", [None, 7.0])
+def test_what_a_broken_effect_traced_before_it_broke_is_not_shown(fallback: float | None) -> None:
+    with pytest.warns(PhrtWarning, match="effect 'one' failed"):
+        _, layers = run([HalfRaising("one", fallback), Painter("two")], Picks([0, None, 2]))
+    assert np.all(layers.arrays["one_layer"] == (fallback or 0.0))
+    assert np.all(layers.masks["one_layer"] == (MASK_FALLBACK if fallback else 0))
+
+
+def test_strict_lets_an_effects_error_through() -> None:
+    with pytest.raises(RuntimeError, match="the cable came off"):
+        run([Raising("one"), Painter("two")], Picks([0]), BudgetScheduler(strict=True))
+
+
+def test_items_that_lie_next_to_each_other_become_one_run() -> None:
+    work = work_items()
+    assert [len(r) for r in merged(work, np.array([2, 0, 1]))] == [600]
+    assert [r[0] for r in merged(work, np.array([2, 0]))] == [0, 500]
+    assert merged(work, np.array([], np.int32)) == []
+
+
+def test_part_of_an_item_is_one_pixel_of_each_block_and_its_gaps_are_filled() -> None:
+    effects = painters()
+    decisions, layers = run(effects, Picks([Request(0, 1), 1]))
+    asked = np.concatenate(effects[0].asked)
+    x, y = asked % 30, asked // 30
+    first = asked[asked < 300]
+    assert np.all((x % 2 == 0)[asked < 300] & (y % 2 == 0)[asked < 300])
+    assert len(first) == 300 // 4
+    mask = layers.masks["one_layer"]
+    assert np.unique(mask[:300]).tolist() == [MASK_TRACED, MASK_FILLED]
+    assert np.unique(mask[300:500]).tolist() == [MASK_TRACED]
+    # A filled pixel lies among its neighbours' values, which are their own indices here.
+    assert layers.arrays["one_layer"][31, 0] == np.mean([0, 2, 60, 62])
+    assert decisions.passes.tolist() == [1, 4, 0, 0, 0]
+
+
+def test_the_passes_of_an_item_make_the_whole_item_without_repeats() -> None:
+    effects = painters()
+    heuristic = Picks([Request(0, 1), None, Request(0, 2), None, Request(0, 4)])
+    decisions, layers = run(effects, heuristic)
+    assert sorted(np.concatenate(effects[0].asked).tolist()) == list(range(300))
+    np.testing.assert_array_equal(layers.arrays["one_layer"][:300, 0], np.arange(300))
+    assert decisions.rays[0] == 600
+    assert heuristic.outcomes[0].complete
+    with pytest.raises(ValueError, match="or twice"):
+        run(painters(), Picks([0, Request(0, 1)]))
