@@ -51,10 +51,12 @@ class Frame:
 
 @dataclass(frozen=True)
 class Decisions:
-    """What was decided for every candidate of a frame, row by row: chosen, pixels and rays traced, milliseconds of thread time."""
+    """What was decided for every candidate of a frame, row by row: chosen, how many of its PASSES interleaved passes were
+    traced, pixels and rays traced, milliseconds of thread time."""
 
     candidates: Candidates
     chosen: np.ndarray
+    passes: np.ndarray
     traced_pixels: np.ndarray
     rays: np.ndarray
     milliseconds: np.ndarray

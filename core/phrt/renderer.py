@@ -19,14 +19,15 @@ from phrt.errors import OptionError
 from phrt.frame import Decisions, Frame, FrameResult
 from phrt.interfaces.effect import RayEffect
 from phrt.interfaces.gbuffer import GBufferProducer
-from phrt.interfaces.heuristic import FrameContext, Heuristic
+from phrt.interfaces.heuristic import PASSES, FrameContext, Heuristic
 from phrt.interfaces.tracer import Tracer
 from phrt.kernels.arrays import environment_arrays, geometry_arrays, material_arrays, surface_arrays
+from phrt.layers import LayerSet, apply_fallbacks
 from phrt.registry.auto import DEFAULT_EFFECTS, DEFAULT_HEURISTIC, choose_gbuffer, choose_tracer
 from phrt.registry.manager import get_registry
 from phrt.sampling import jitter_pattern
 from phrt.scene import Scene
-from phrt.scheduler import BudgetScheduler, LayerSet, apply_fallbacks
+from phrt.scheduler import BudgetScheduler
 from phrt.workers import Workers
 from phrt.world import World
 
@@ -222,12 +223,12 @@ class Renderer:
         context = FrameContext(world=world, frame_index=index, time=time, budget=math.inf)
         decisions = self._scheduler.run(frame, self.effects, work, self.heuristic, context, layers)
         stages.done("rays")
-        if not decisions.chosen.all():
+        if (decisions.passes < PASSES).any():
             if not self._fallbacks_ready:
                 for effect in self.effects:
                     effect.prepare_fallback(frame)
                 self._fallbacks_ready = True
-            apply_fallbacks(frame, self.effects, work, decisions.chosen, layers)
+            apply_fallbacks(frame, self.effects, work, decisions, layers)
         stages.done("fallbacks")
         image = self._buffers.take((count, 3))
         exposure = view.exposure * self.scene.settings.exposure

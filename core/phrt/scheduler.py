@@ -5,29 +5,22 @@ from __future__ import annotations
 import time
 import warnings
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from phrt.candidates import WorkItems
 from phrt.errors import PhrtWarning
-from phrt.frame import MASK_FALLBACK, MASK_TRACED, Decisions, Frame
+from phrt.frame import MASK_TRACED, Decisions, Frame
 from phrt.interfaces.effect import EffectResult, RayEffect
-from phrt.interfaces.heuristic import FrameContext, Heuristic, Outcome
+from phrt.interfaces.heuristic import FrameContext, Heuristic, Request
 from phrt.kernels.layers import scatter
+from phrt.layers import LayerSet
+from phrt.ledger import Ledger, Part, pixel_runs
 from phrt.workers import chunks
 
 CHUNK_RAYS = 24576
 """Rays, by estimate, that a thread takes at a time: what stays in its share of the cache."""
-
-
-@dataclass
-class LayerSet:
-    """The layers of one frame under construction: arrays (P, C) and masks (P,) uint8 by layer name."""
-
-    arrays: dict[str, np.ndarray]
-    masks: dict[str, np.ndarray]
-    rays: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -74,40 +67,30 @@ class BudgetScheduler(Scheduler):
         context: FrameContext,
         layers: LayerSet,
     ) -> Decisions:
-        candidates = work.candidates
-        count = len(candidates)
-        chosen = np.zeros(count, bool)
-        rays, milliseconds = np.zeros(count, np.int64), np.zeros(count, np.float64)
-        heuristic.begin_frame(candidates, context)
-        while True:
-            wave = self._ask(heuristic, chosen, context.budget)
-            if not wave:
-                break
-            self._trace(frame, effects, work, np.array(wave), layers, rays, milliseconds)
-            for item in wave:
-                heuristic.report(
-                    item, Outcome(int(candidates.pixel_count[item]), int(rays[item]), float(milliseconds[item]), True)
-                )
+        ledger = Ledger(work)
+        heuristic.begin_frame(work.candidates, context)
+        while wave := self._ask(heuristic, ledger, context.budget):
+            self._trace(frame, effects, work, wave, layers, ledger)
+            for part in wave:
+                heuristic.report(part.item, ledger.outcome(part))
         heuristic.end_frame()
         for index, effect in enumerate(effects):
             if effect.name in self._broken:
-                chosen[candidates.effect == index] = False
-        traced = np.where(chosen, candidates.pixel_count, 0)
-        return Decisions(candidates, chosen, traced, rays, milliseconds)
+                ledger.passes[work.candidates.effect == index] = 0
+        return ledger.decisions()
 
-    def _ask(self, heuristic: Heuristic, chosen: np.ndarray, remaining: float) -> list[int]:
-        """The next wave: items in the order the heuristic named them."""
-        wave: list[int] = []
-        while len(wave) < len(chosen):
-            item = heuristic.next(remaining)
-            if item is None:
-                break
-            if not 0 <= item < len(chosen) or chosen[item]:
+    def _ask(self, heuristic: Heuristic, ledger: Ledger, remaining: float) -> list[Part]:
+        """The next wave: parts of items in the order the heuristic named them."""
+        wave: list[Part] = []
+        while (answer := heuristic.next(remaining)) is not None:
+            request = answer if isinstance(answer, Request) else Request(answer)
+            part = ledger.accept(request)
+            if part is None:
                 raise ValueError(
-                    f"heuristic {type(heuristic).__name__} returned item {item}: not one of {len(chosen)}, or twice"
+                    f"heuristic {type(heuristic).__name__} returned item {request.item}: "
+                    f"not one of {len(ledger.passes)}, or twice"
                 )
-            chosen[item] = True
-            wave.append(item)
+            wave.append(part)
         return wave
 
     def _trace(
@@ -115,23 +98,24 @@ class BudgetScheduler(Scheduler):
         frame: Frame,
         effects: list[RayEffect],
         work: WorkItems,
-        wave: np.ndarray,
+        wave: list[Part],
         layers: LayerSet,
-        rays: np.ndarray,
-        milliseconds: np.ndarray,
+        ledger: Ledger,
     ) -> None:
         """Trace `wave` chunk by chunk, dearest effects first; costs are shared out to items by their pixels."""
-        candidates = work.candidates
+        estimates = [
+            max(float(work.candidates.ray_estimate[work.candidates.effect == index].max(initial=1.0)), 1.0)
+            for index in range(len(effects))
+        ]
+        by_effect: dict[int, list[Part]] = {}
+        for part in wave:
+            by_effect.setdefault(int(work.candidates.effect[part.item]), []).append(part)
         tasks: list[Task] = []
-        for index in sorted(
-            range(len(effects)), key=lambda e: -float(candidates.ray_estimate[candidates.effect == e].max(initial=0))
-        ):
-            if effects[index].name in self._broken:
-                continue
-            estimate = max(float(candidates.ray_estimate[candidates.effect == index].max(initial=1.0)), 1.0)
-            for run in merged(work, wave[candidates.effect[wave] == index]):
-                size = max(int(CHUNK_RAYS / estimate), 256)
-                tasks += [Task(index, run[part]) for part in chunks(len(run), size)]
+        for index in sorted(by_effect, key=lambda e: -estimates[e]):
+            if effects[index].name not in self._broken:
+                size = max(int(CHUNK_RAYS / estimates[index]), 256)
+                for run in pixel_runs(work, by_effect[index], frame.view.width):
+                    tasks += [Task(index, run[piece]) for piece in chunks(len(run), size)]
 
         def work_on(task: Task) -> tuple[int, int, float]:
             started = time.perf_counter()
@@ -139,16 +123,11 @@ class BudgetScheduler(Scheduler):
             return task.effect, traced, (time.perf_counter() - started) * 1e3
 
         totals = np.zeros((len(effects), 2))
-        for effect, traced, spent in frame.workers.map(work_on, tasks):
-            totals[effect] += traced, spent
-        for index, traced_effect in enumerate(effects):
-            items = wave[candidates.effect[wave] == index]
-            if len(items) == 0:
-                continue
-            share = candidates.pixel_count[items] / candidates.pixel_count[items].sum()
-            rays[items] = np.round(totals[index, 0] * share)
-            milliseconds[items] = totals[index, 1] * share
-            name = traced_effect.name
+        for index, traced, spent in frame.workers.map(work_on, tasks):
+            totals[index] += traced, spent
+        for index, parts in by_effect.items():
+            ledger.share_out(parts, int(totals[index, 0]), float(totals[index, 1]))
+            name = effects[index].name
             layers.rays[name] = layers.rays.get(name, 0) + int(totals[index, 0])
 
     def _trace_task(self, frame: Frame, effect: RayEffect, pixels: np.ndarray, layers: LayerSet) -> int:
@@ -179,34 +158,3 @@ class BudgetScheduler(Scheduler):
         expected = (count, effect.writes.width(frame.world))
         if result.values.shape != expected or result.values.dtype != np.float32:
             raise ValueError(f"returned {result.values.dtype}{result.values.shape}, its layer needs float32{expected}")
-
-
-def merged(work: WorkItems, items: np.ndarray) -> list[np.ndarray]:
-    """The pixels of `items` (of one effect) as few runs: items that lie next to each other in the sorted pixels become one."""
-    if len(items) == 0:
-        return []
-    pixels = work.pixels[int(work.candidates.effect[items[0]])]
-    items = items[np.argsort(work.first[items])]
-    first = work.first[items]
-    end = first + work.candidates.pixel_count[items]
-    breaks = np.flatnonzero(first[1:] != end[:-1]) + 1
-    starts = first[np.concatenate([[0], breaks])]
-    ends = end[np.concatenate([breaks - 1, [len(items) - 1]])]
-    return [pixels[a:b] for a, b in zip(starts, ends, strict=True)]
-
-
-def apply_fallbacks(
-    frame: Frame, effects: list[RayEffect], work: WorkItems, chosen: np.ndarray, layers: LayerSet
-) -> None:
-    """What was not traced takes its effect's fallback."""
-    for index, effect in enumerate(effects):
-        left = np.flatnonzero((work.candidates.effect == index) & ~chosen)
-        name = effect.writes.name
-        runs = merged(work, left)
-        if not runs:
-            continue
-        pixels = np.ascontiguousarray(np.concatenate(runs))
-        values = effect.fallback(frame, pixels)
-        if values is not None:
-            ones = np.ones(len(pixels), np.uint8)
-            scatter(pixels, values, ones, np.uint8(MASK_FALLBACK), layers.arrays[name], layers.masks[name])

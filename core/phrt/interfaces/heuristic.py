@@ -58,6 +58,22 @@ class Outcome:
     complete: bool
 
 
+PASSES = 4
+"""An item's pixels come in this many interleaved passes, one pixel of each 2x2 block in each."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """Part of an item: the next `passes` of its interleaved passes that are not traced yet, 1 to PASSES.
+
+    One pass is a coarser effect: gaps between traced pixels are filled from their neighbours of the same object. The same
+    item may be asked for again while passes are left (levels of detail, Funkhouser and Sequin 1993).
+    """
+
+    item: int
+    passes: int = PASSES
+
+
 class Heuristic(ABC):
     """Contract: one call sequence per frame, from one thread: `begin_frame`, then `next` and `report` in any
     interleaving (an item may be reported after later ones were asked for), then `end_frame`."""
@@ -67,8 +83,9 @@ class Heuristic(ABC):
         """A new frame: look at the candidates."""
 
     @abstractmethod
-    def next(self, remaining: float) -> int | None:
-        """The next item to trace (a row of the candidates, each at most once), or None when nothing should follow.
+    def next(self, remaining: float) -> int | Request | None:
+        """The next item to trace (a row of the candidates, each at most once, or a `Request` for part of one), or None
+        when nothing should follow.
 
         remaining: what is left of the budget, in its unit; +inf without one.
         """

@@ -95,3 +95,20 @@ def sort_by_object(order, object_id, material_id, applies, allowed, start, pixel
         start[k] = start[k - 1]
     start[0] = 0
     return start[len(start) - 1]
+
+
+@kernel
+def interleaved(pixels, width, first, last, out):
+    """Pixels of the interleaved passes first..last - 1: one place of each 2x2 block in each pass, opposite corners first.
+
+    pixels (n,) int32 flat indices; out (n,) int32. Returns how many were written.
+    """
+    count = 0
+    for i in range(len(pixels)):
+        x, y = pixels[i] % width, pixels[i] // width
+        right, down = x & 1, y & 1
+        number = down if right == down else 2 + down  # (0, 0), (1, 1), (1, 0), (0, 1) are passes 0 to 3
+        if first <= number < last:
+            out[count] = pixels[i]
+            count += 1
+    return count

@@ -1,0 +1,90 @@
+"""Ledger: what was traced of every work item in one frame, which pixels those are, and what it took."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from phrt.candidates import WorkItems
+from phrt.frame import Decisions
+from phrt.interfaces.heuristic import PASSES, Outcome, Request
+from phrt.kernels.layers import interleaved
+
+
+@dataclass(frozen=True)
+class Part:
+    """Passes first..last - 1 of an item."""
+
+    item: int
+    first: int
+    last: int
+
+
+class Ledger:
+    """What has been traced of every item in this frame, and what it took."""
+
+    def __init__(self, work: WorkItems) -> None:
+        count = len(work.candidates)
+        self._work = work
+        self.passes = np.zeros(count, np.int32)
+        self.rays = np.zeros(count, np.int64)
+        self.milliseconds = np.zeros(count, np.float64)
+
+    def accept(self, request: Request) -> Part | None:
+        """The part a request stands for, noted as traced; None where there is no such item or nothing left of it."""
+        if not 0 <= request.item < len(self.passes) or request.passes < 1 or self.passes[request.item] >= PASSES:
+            return None
+        first = int(self.passes[request.item])
+        last = min(first + request.passes, PASSES)
+        self.passes[request.item] = last
+        return Part(request.item, first, last)
+
+    def share_out(self, parts: list[Part], rays: int, milliseconds: float) -> None:
+        """Book what tracing `parts` together took, by their pixels."""
+        pixels = np.array([self._work.candidates.pixel_count[p.item] * (p.last - p.first) / PASSES for p in parts])
+        for part, share in zip(parts, pixels / pixels.sum(), strict=True):
+            self.rays[part.item] += round(rays * share)
+            self.milliseconds[part.item] += milliseconds * share
+
+    def outcome(self, part: Part) -> Outcome:
+        """What is known of the item of `part` by now."""
+        item = part.item
+        return Outcome(
+            pixels=int(self._work.candidates.pixel_count[item] * self.passes[item] // PASSES),
+            rays=int(self.rays[item]),
+            milliseconds=float(self.milliseconds[item]),
+            complete=bool(self.passes[item] == PASSES),
+        )
+
+    def decisions(self) -> Decisions:
+        candidates = self._work.candidates
+        traced = candidates.pixel_count * self.passes // PASSES
+        return Decisions(candidates, self.passes > 0, self.passes, traced, self.rays, self.milliseconds)
+
+
+def pixel_runs(work: WorkItems, parts: list[Part], width: int) -> list[np.ndarray]:
+    """The pixels of `parts` (of one effect) as few runs: whole items merged, the interleaved pixels of the others in one."""
+    whole = np.array([part.item for part in parts if part.last - part.first == PASSES], np.int64)
+    runs = merged(work, whole)
+    pieces = []
+    for part in parts:
+        if part.last - part.first < PASSES:
+            (pixels,) = merged(work, np.array([part.item]))
+            out = np.empty(len(pixels), np.int32)
+            pieces.append(out[: interleaved(pixels, width, part.first, part.last, out)])
+    return [*runs, np.concatenate(pieces)] if pieces else runs
+
+
+def merged(work: WorkItems, items: np.ndarray) -> list[np.ndarray]:
+    """The pixels of `items` (of one effect) as few runs: items that lie next to each other in the sorted pixels become one."""
+    if len(items) == 0:
+        return []
+    pixels = work.pixels[int(work.candidates.effect[items[0]])]
+    items = items[np.argsort(work.first[items])]
+    first = work.first[items]
+    end = first + work.candidates.pixel_count[items]
+    breaks = np.flatnonzero(first[1:] != end[:-1]) + 1
+    starts = first[np.concatenate([[0], breaks])]
+    ends = end[np.concatenate([breaks - 1, [len(items) - 1]])]
+    return [pixels[a:b] for a, b in zip(starts, ends, strict=True)]
