@@ -126,6 +126,9 @@ class Builder:
         """Is `material` a Material prim, or a material of a model that was read?"""
         if isinstance(self._prims.get(material), MaterialPrim) or material in self.materials:
             return True
+        if material in self.stage.prims and material not in self._prims:
+            # It is described, and what is wrong with it has been told.
+            return False
         known = self._known_materials()
         allowed = listed(known) or "none is described"
         if material in self._prims:
