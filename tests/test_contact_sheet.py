@@ -58,6 +58,16 @@ def test_good_models_are_pictures_and_bad_ones_red(sheet: ModuleType, tmp_path: 
     assert np.median(bad.reshape(-1, 3), axis=0).tolist() == [120, 20, 20]
 
 
+def test_who_finds_what_is_seen_can_be_chosen(
+    sheet: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_triangle(tmp_path / "good", np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]))
+    shared = [str(tmp_path / "good"), "-o", str(tmp_path / "sheet.png"), "--size", "40x30", "--aa", "1"]
+    assert sheet.main([*shared, "--gbuffer", "raycast"]) == 0
+    assert sheet.main([*shared, "--gbuffer", "raycats"]) == 1
+    assert "raycats" in capsys.readouterr().err
+
+
 def test_folder_without_models_is_the_users_mistake(
     sheet: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
