@@ -8,7 +8,6 @@ prints one JSON object with the fields of `Load`. Run it twice: the first run ma
 from __future__ import annotations
 
 import json
-import resource
 import subprocess
 import sys
 import time
@@ -45,6 +44,8 @@ def peak_bytes() -> int:
         for line in status.read_text(encoding="ascii", errors="replace").splitlines():
             if line.startswith("VmHWM:"):
                 return int(line.split()[1]) * 1024
+    import resource  # not on Windows
+
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else peak * 1024
 

@@ -55,6 +55,7 @@ class Geometry:
     first_triangle: np.ndarray
     triangle_count: np.ndarray
     object_casts_shadow: np.ndarray
+    moving_objects: tuple[int, ...] = ()
 
     @classmethod
     def from_meshes(cls, name: str, meshes: list[trimesh.Trimesh]) -> Geometry:

@@ -201,3 +201,19 @@ def _forget(monkeypatch: pytest.MonkeyPatch):
         found: ModuleType | None = sys.modules.get(name)
         if found is not None and str(BENCHMARKS) in str(found.__file__):
             del sys.modules[name]
+
+
+def test_bare_rates_of_a_small_geometry_hold_every_contender_and_ratio(module, monkeypatch):
+    tracers = module("tracers")
+    monkeypatch.setattr(tracers, "WIDTH", 32)
+    monkeypatch.setattr(tracers, "HEIGHT", 16)
+    room = tracers.trimesh.creation.box(extents=(40.0, 40.0, 40.0))
+    geometry = tracers.Geometry.from_meshes("room", [room])
+    rates = tracers.measure(geometry, 2, 3)
+    assert [rate.kind for rate in rates] == ["primary", "shadow", "random"]
+    assert [rate.bar for rate in rates] == [1.8, 1.8, None]
+    for rate in rates:
+        assert {"embree", "embreex run"} <= set(rate.mega_rays)
+        assert min(rate.mega_rays.values()) > 0
+        assert len(rate.ratios) == 3
+        assert rate.ratio == np.median(rate.ratios)
