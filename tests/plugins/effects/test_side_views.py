@@ -29,7 +29,7 @@ def stage() -> Stage:
 
 
 def motion(gbuffer: str, effects: dict[str, dict[str, object]] | None) -> np.ndarray:
-    """Motion from one view to the next; with `effects`, a frame of a third view whose fallbacks render views of their own lies between."""
+    """Motion from one view to the next; with `effects`, a frame of a third view lies between."""
     options = {"gbuffer": gbuffer, "heuristic": "raster_only", "size": (32, 24), "strict": True}
     with phrt.Renderer(stage().scene, effects=effects, **options) as renderer:
         view = renderer.world.view(32, 24)
