@@ -16,8 +16,8 @@ from phrt.rays import HitBatch, RayBatch
 
 MAX_LAYERS = 64
 """Holes a ray may pass before it counts as a miss."""
-DROP_WEIGHT = np.float32(1.0 / 512.0)
-"""Rays that carry less than this share of a pixel are not followed."""
+DROP_WEIGHT = np.float32(1.0 / 256.0)
+"""Rays that carry less than this share of a pixel, one step of an 8-bit picture, are not followed."""
 
 _NOWHERE = np.zeros(3, np.float32)
 
@@ -127,7 +127,9 @@ def gather(
         path_length = path_length + hits.distance
         points = empty_surfaces(count)
         rows = np.arange(count, dtype=np.int32)
-        cone = np.array([0.0, frame.view.pixel_spread], np.float32)
+        # An orthographic view's rays are as wide everywhere as its pixels.
+        spread = frame.view.pixel_spread
+        cone = np.array([spread, 0.0] if frame.view.orthographic else [0.0, spread], np.float32)
         surface(
             direction, path_length, hits.primitive, hits.barycentric, frame.geometry, frame.materials,
             _NOWHERE, _NOWHERE, cone, hidden, False, rows, points, np.empty(count, np.uint8),

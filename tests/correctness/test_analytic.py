@@ -477,6 +477,42 @@ def test_the_first_texel_is_at_the_top_left_and_a_mirror_turns_the_picture(trace
     np.testing.assert_allclose(made.render((2, 2), tracer=tracer).image, colors[:, ::-1, :3] / 255, atol=1e-6)
 
 
+@pytest.mark.parametrize("lens", [{"ortho_height": 2.0}, {"fov_y": 0.4}])
+def test_a_texture_in_a_mirror_is_as_sharp_as_seen_straight_from_as_far(tracer: str, lens: dict[str, float]) -> None:
+    def made(target: tuple[float, float, float]) -> Stage:
+        stage = Stage()
+        pixels = np.random.default_rng(1).integers(0, 256, (32, 32, 4))
+        pixels[:, :, 3] = 255
+        texture = TextureRef(stage.image((pixels + pixels[:, ::-1]) / 2))
+        stage.add(
+            "/picture", quad(8, 8), Material(unlit=True, base_color_texture=texture, double_sided=True), at(0, 0, 8)
+        )
+        stage.add("/mirror", quad(8, 8), MIRROR, at(0, 0, -2)).camera((0, 0, 2), target, **lens)
+        return stage
+
+    # The picture is 10 m from the mirror, which is 4 m ahead; or 14 m from an eye that looks the other way.
+    mirrored = made((0, 0, 0)).render((24, 24), tracer=tracer).image
+    straight = made((0, 0, 5))
+    straight.scene.nodes[straight.scene.cameras[0].node].matrix[2, 3] = 8 - 14
+    straight.scene.objects[1].effects = {}
+    straight.scene.nodes[straight.scene.objects[1].node].matrix[2, 3] = -20
+    np.testing.assert_allclose(mirrored, straight.render((24, 24), tracer=tracer).image, atol=0.02)
+
+
+def test_a_scene_with_holes_keeps_casts_shadow_and_ends_rays_at_the_light(tracer: str) -> None:
+    made = boxed(casts_shadow=False)
+    made.add("/leaf", quad(1, 1), half_covered(made, alpha_mode="MASK"), at(1.5, 1, 0) @ DOWN)
+    made.add("/roof", floor(30), LAMBERT, at(0, 4.5, 0)).light("point", at(0, 4, 0), intensity=50.0)
+    made.scene.cameras[0].lens.near = 0.6
+    frame = made.render((48, 48), tracer=tracer)
+    x, z = floor_points(48, 4.0)
+    on_floor = frame.gbuffer.object_id == 1
+    # The leaf's opaque half, x 1..1.5 at a height of 1, spreads by 4 / 3.
+    shaded = (x > 1.0 * 4 / 3) & (x < 1.5 * 4 / 3) & (np.abs(z) < 0.5 * 4 / 3)
+    assert (shaded & on_floor).sum() > 20
+    np.testing.assert_array_equal((frame.image[..., 0] == 0)[on_floor], shaded[on_floor])
+
+
 def test_always_makes_an_item_mandatory_and_never_leaves_it_out(tracer: str) -> None:
     made = boxed().light("point", at(0.3, 4, -0.2), intensity=50.0)
     made.scene.objects[0].effects = {"shadows": "always"}

@@ -93,11 +93,12 @@ def textured(pixels: np.ndarray, ref: TextureRef, uv: np.ndarray, cone: float = 
     world = World(made.add("/t", triangle, Material(base_color_texture=ref)).scene)
     count = len(uv)
     barycentric = ((uv + 100) / 400).astype(np.float32)
-    out = empty_surfaces(count)
+    out, down = empty_surfaces(count), np.tile(np.float32([0, 0, -1]), (count, 1))
     surface(
-        np.tile(np.float32([0, 0, -1]), (count, 1)), np.ones(count, np.float32), np.zeros(count, np.uint32), barycentric,
+        down, np.ones(count, np.float32), np.zeros(count, np.uint32), barycentric,
         geometry_arrays(world), material_arrays(world), np.zeros(3, np.float32), np.float32([0, 0, -1]),
-        np.float32([cone, 0]), np.zeros(world.object_count + 1, np.uint8), True, np.arange(count, dtype=np.int32), out, np.empty(count, np.uint8),
+        np.float32([cone, 0]), np.zeros(world.object_count + 1, np.uint8), True, np.arange(count, dtype=np.int32), out,
+        np.empty(count, np.uint8),
     )  # fmt: skip
     return out.base_color
 
