@@ -93,13 +93,14 @@ def test_frame_rows_come_from_paired_samples(module, spheres):
     said: list[str] = []
     times = frames.measure(spheres, [0.0, 0.5], 2, size=SIZE, progress=said.append)
     rows = times.rows()
-    assert [row.number for row in rows] == [1, 2, 3, 4, 5]
-    assert [row.limit for row in rows] == [0.75, 4.0, 12.0, 28.0, 75.0]
+    assert [row.number for row in rows] == [1, 2, 3, 4, 4, 5, 5]
+    assert [row.limit for row in rows] == [0.75, 4.0, 12.0, 28.0, None, 75.0, None]
     assert all(len(row.samples) == 4 and min(row.samples) > 0 for row in rows)
     traced = times.frames["raycast", "all_trace"]
     assert rows[0].samples[3] == pytest.approx(times.bare[3] / traced.stages["rays"][3])
     assert rows[1].samples[2] == pytest.approx(traced.stages["composite"][2] + traced.tone[2])
-    assert rows[4].samples == pytest.approx(traced.whole)
+    assert rows[5].samples == pytest.approx(traced.whole)
+    assert rows[6].samples == pytest.approx(traced.processor)
     assert traced.ray_counts()["primary"] == SIZE[0] * SIZE[1]
     assert sum(value for stage, value in traced.medians().items() if stage != "whole frame") > 0
     assert "frames: round 2 of 2" in said
@@ -163,8 +164,8 @@ def test_report_of_frames_is_one_json_object(module, assets, monkeypatch):
     monkeypatch.setattr(run, "gbuffers_here", lambda: ("raycast",))
     report = run.run_benchmarks(assets, [2, 5], 1, size=SIZE, places=2)
     told = json.loads(json.dumps(report.as_json()))
-    assert [row["number"] for row in told["rows"]] == [2, 5]
-    assert [len(row["samples"]) for row in told["rows"]] == [2, 2]
+    assert [row["number"] for row in told["rows"]] == [2, 5, 5]
+    assert [len(row["samples"]) for row in told["rows"]] == [2, 2, 2]
     assert told["tracers"] == []
     assert told["frames"]["raycast all_trace"]["rays"]["shadows"] > 0
     assert told["frames"]["tracer_rays"] > 0
