@@ -12,7 +12,8 @@ from scene_kit import GLASS, LAMBERT, MIRROR, Stage, at, ball, box, floor, quad,
 import phrt
 from phrt.camera import CameraView, look_at
 from phrt.errors import OptionError, PluginError
-from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic
+from phrt.frame import MASK_FILLED, MASK_TRACED
+from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic, Request
 from phrt.model import Material, Track
 from phrt.scene import Scene
 
@@ -132,6 +133,45 @@ def test_a_traced_object_looks_as_in_all_trace_and_the_others_as_in_raster_only(
     assert mine.any()
     np.testing.assert_array_equal(frame.image[mine], image(room())[mine])
     np.testing.assert_array_equal(frame.image[~mine], image(room(), heuristic="raster_only")[~mine])
+
+
+class Coarse(Heuristic):
+    """Takes `passes` of each item's interleaved passes, `waves` times over."""
+
+    def __init__(self, passes: int, waves: int = 1) -> None:
+        self.passes, self.waves = passes, waves
+
+    def begin_frame(self, candidates: Candidates, context: FrameContext) -> None:
+        one_wave = [*(Request(item, self.passes) for item in range(len(candidates))), None]
+        self.left: list[Request | None] = one_wave * self.waves
+
+    def next(self, remaining: float) -> Request | None:
+        return self.left.pop(0) if self.left else None
+
+
+@pytest.mark.parametrize("effects", [{}, SOFT])
+def test_the_passes_of_all_items_together_make_the_whole_picture(effects: dict[str, Any]) -> None:
+    np.testing.assert_array_equal(
+        image(room(), effects=effects, heuristic=Coarse(1, waves=4)), image(room(), effects=effects)
+    )
+
+
+def test_a_quarter_of_the_rays_gives_a_coarser_picture_without_stripes_or_holes() -> None:
+    with renderer(room(), heuristic=Coarse(1)) as coarse, renderer(room()) as full:
+        quarter, whole = coarse.render(), full.render()
+    for name, mask in whole.masks.items():
+        where = mask == MASK_TRACED
+        if not where.any():
+            continue
+        found = quarter.masks[name]
+        assert np.isin(found[where], (MASK_TRACED, MASK_FILLED)).mean() > 0.99, name
+        rows, columns = np.nonzero(found == MASK_TRACED)
+        assert np.all((rows % 2 == 0) & (columns % 2 == 0)), "one pixel of each 2x2 block"
+        traced = found == MASK_TRACED
+        np.testing.assert_array_equal(quarter.layers[name][traced], whole.layers[name][traced])
+    assert quarter.rays["shadows"] < 0.3 * whole.rays["shadows"]
+    plain = image(room(), heuristic="raster_only")
+    assert np.abs(quarter.image - whole.image).mean() < 0.7 * np.abs(plain - whole.image).mean()
 
 
 def test_candidates_are_the_visible_objects_with_the_effects_that_change_them() -> None:

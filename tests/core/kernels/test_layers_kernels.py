@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phrt.kernels.layers import fill_gaps, mark_targets, scatter, sort_by_object
+from phrt.kernels.layers import fill_gaps, interleaved, mark_targets, scatter, sort_by_object
 from phrt.kernels.primary import tile_order
 
 WIDTH, HEIGHT = 37, 23
@@ -85,3 +85,13 @@ def test_mark_targets_starts_paths_at_their_pixels_depth() -> None:
     mark_targets(np.array([2, 0, 2, 2], np.int32), np.array([7, 8, 9], np.int32), depth, traced, path)
     assert traced.tolist() == [1, 0, 1]
     assert path.tolist() == [9, 7, 9, 9]
+
+
+def test_interleaved_passes_take_the_corners_of_each_block_in_turn() -> None:
+    pixels = tile_order(WIDTH, HEIGHT)[100:700]
+    corner = {(0, 0): 0, (1, 1): 1, (0, 1): 2, (1, 0): 3}
+    number = np.array([corner[(y % 2, x % 2)] for y, x in zip(*np.divmod(pixels, WIDTH), strict=True)])
+    for first, last in ((0, 1), (1, 2), (2, 4), (0, 4)):
+        out = np.empty(len(pixels), np.int32)
+        count = interleaved(pixels, WIDTH, first, last, out)
+        np.testing.assert_array_equal(out[:count], pixels[(number >= first) & (number < last)])
