@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from phrt.conventions import NO_PRIMITIVE, RAY_BIAS
+from phrt.conventions import NO_PRIMITIVE
 from phrt.frame import Frame
 from phrt.kernels.arrays import SurfaceArrays, empty_surfaces
 from phrt.kernels.bounce import shade_and_spawn
 from phrt.kernels.cutout import holes
 from phrt.kernels.light import direct_light
+from phrt.kernels.onward import continued
 from phrt.kernels.shadow import apply_occlusion, shadow_rays
 from phrt.kernels.surface import surface
 from phrt.rays import HitBatch, RayBatch
@@ -47,7 +48,6 @@ def blocked(frame: Frame, rays: RayBatch) -> np.ndarray:
 def _pass_holes(frame: Frame, rays: RayBatch, hits: HitBatch, *, shadow: bool) -> None:
     """Trace on behind hits on holes, in place, until none is left."""
     active = np.arange(len(rays), dtype=np.int32)
-    travelled = np.zeros(len(rays), np.float32)
     casts = frame.world.object_casts_shadow
     for _ in range(MAX_LAYERS):
         open_ = np.zeros(len(active), np.uint8)
@@ -55,16 +55,9 @@ def _pass_holes(frame: Frame, rays: RayBatch, hits: HitBatch, *, shadow: bool) -
         if not holes(found.primitive, found.barycentric, frame.geometry, frame.materials, casts, shadow, open_):
             return
         active = active[open_ != 0]
-        point = rays.origin[active] + rays.direction[active] * hits.distance[active, None]
-        bias = (RAY_BIAS * np.maximum(np.abs(point).max(axis=1), 1.0)).astype(np.float32)
-        travelled[active] = hits.distance[active] + bias
-        onward = RayBatch(
-            np.ascontiguousarray(rays.origin[active] + rays.direction[active] * travelled[active, None]),
-            np.ascontiguousarray(rays.direction[active]),
-            np.ascontiguousarray(rays.t_max[active] - travelled[active]),
-        )
+        onward, travelled = continued(rays, hits.distance, active)
         behind = frame.tracer.closest_hit(onward)
-        hits.distance[active] = behind.distance + travelled[active]
+        hits.distance[active] = behind.distance + travelled
         hits.primitive[active] = behind.primitive
         hits.barycentric[active] = behind.barycentric
     hits.distance[active] = np.inf

@@ -14,14 +14,14 @@ import numpy as np
 from phrt.buffers import BufferPool
 from phrt.camera import CameraView
 from phrt.channels import CHANNELS, GBuffer
-from phrt.conventions import RAY_BIAS
 from phrt.interfaces.gbuffer import GBufferProducer
 from phrt.interfaces.tracer import Tracer
 from phrt.kernels.arrays import SurfaceArrays, geometry_arrays, material_arrays, surface_arrays
 from phrt.kernels.motion import motion_vectors
+from phrt.kernels.onward import continued
 from phrt.kernels.primary import eye_rays, tile_order
 from phrt.kernels.surface import surface
-from phrt.rays import HitBatch, RayBatch
+from phrt.rays import RayBatch
 from phrt.workers import Workers, chunks
 from phrt.world import Changes, World
 from phrt_backends.gbuffers.raycast_options import RaycastOptions
@@ -118,7 +118,10 @@ class RaycastProducer(GBufferProducer):
         while again and layers < MAX_LAYERS:
             layers += 1
             index = np.flatnonzero(passed)
-            rays, hits, pixels, travelled = self._behind(rays, hits.distance, pixels, travelled, index)
+            rays, step = continued(rays, hits.distance, index)
+            travelled = travelled[index] + step - hits.distance[index]
+            hits, pixels = self._tracer.closest_hit(rays), pixels[index]
+            travelled += hits.distance
             passed = np.empty(len(index), np.uint8)
             again = surface(
                 rays.direction, travelled, hits.primitive, hits.barycentric, self._geometry, self._materials,
@@ -126,21 +129,6 @@ class RaycastProducer(GBufferProducer):
             )  # fmt: skip
         if again:
             self._miss(pixels[np.flatnonzero(passed)], out, eye, forward, cone)
-
-    def _behind(
-        self, rays: RayBatch, distance: np.ndarray, pixels: np.ndarray, travelled: np.ndarray, index: np.ndarray
-    ) -> tuple[RayBatch, HitBatch, np.ndarray, np.ndarray]:
-        """Rays `index` continued behind their hits."""
-        step = distance[index]
-        point = rays.origin[index] + rays.direction[index] * step[:, None]
-        bias = RAY_BIAS * np.maximum(np.abs(point).max(axis=1), 1.0).astype(np.float32)
-        onward = RayBatch(
-            np.ascontiguousarray(point + rays.direction[index] * bias[:, None], dtype=np.float32),
-            np.ascontiguousarray(rays.direction[index]),
-            np.ascontiguousarray(rays.t_max[index] - step - bias),
-        )
-        hits = self._tracer.closest_hit(onward)
-        return onward, hits, pixels[index], travelled[index] + bias + hits.distance
 
     def _miss(
         self, pixels: np.ndarray, out: SurfaceArrays, eye: np.ndarray, forward: np.ndarray, cone: np.ndarray
