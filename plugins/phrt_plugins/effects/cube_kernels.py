@@ -109,7 +109,11 @@ def shadow_map_lookup(rows, surfaces, lights, maps, frames, visibility):
     size = maps.shape[2]
     for i in range(len(rows)):
         row = rows[i]
-        nx, ny, nz = surfaces.geometric_normal[row, 0], surfaces.geometric_normal[row, 1], surfaces.geometric_normal[row, 2]
+        nx, ny, nz = (
+            surfaces.geometric_normal[row, 0],
+            surfaces.geometric_normal[row, 1],
+            surfaces.geometric_normal[row, 2],
+        )
         px, py, pz = surfaces.position[row, 0], surfaces.position[row, 1], surfaces.position[row, 2]
         for k in range(len(lights)):
             light = lights[k]
@@ -118,7 +122,11 @@ def shadow_map_lookup(rows, surfaces, lights, maps, frames, visibility):
                 continue
             if light.kind == DIRECTIONAL:
                 m = frames[k]
-                texel = f32(2.0) / f32(size) / math.sqrt(m[0, 0] * m[0, 0] + m[0, 1] * m[0, 1] + m[0, 2] * m[0, 2] + f32(1e-20))
+                texel = (
+                    f32(2.0)
+                    / f32(size)
+                    / math.sqrt(m[0, 0] * m[0, 0] + m[0, 1] * m[0, 1] + m[0, 2] * m[0, 2] + f32(1e-20))
+                )
                 x, y, z = px + nx * texel, py + ny * texel, pz + nz * texel
                 u = m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]
                 v = m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3]

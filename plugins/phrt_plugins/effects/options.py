@@ -10,8 +10,12 @@ from phrt.registry import Options
 
 
 class ShadowsOptions(Options):
-    samples: int = Field(0, ge=0, le=256, description="rays to each light with an extent; 0 aims one at its centre: hard shadows")
-    fallback: Literal["none", "shadow_map"] = Field("none", description="what untraced pixels get: no shadow, or a shadow map")
+    samples: int = Field(
+        0, ge=0, le=256, description="rays to each light with an extent; 0 aims one at its centre: hard shadows"
+    )
+    fallback: Literal["none", "shadow_map"] = Field(
+        "none", description="what untraced pixels get: no shadow, or a shadow map"
+    )
     map_size: int = Field(512, ge=16, le=4096, description="texels along one side of a shadow map's face")
 
 

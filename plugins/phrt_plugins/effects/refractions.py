@@ -24,7 +24,15 @@ from phrt_plugins.effects.probes import Probes
 
 class Refractions(RayEffect):
     name = "refractions"
-    reads = ("position_world", "normal_world", "normal_geometric_world", "object_id", "material_id", "transmission", "alpha")
+    reads = (
+        "position_world",
+        "normal_world",
+        "normal_geometric_world",
+        "object_id",
+        "material_id",
+        "transmission",
+        "alpha",
+    )
     writes = LayerSpec("refraction", 3, 0.0, "light that comes through the surface")
 
     def __init__(self, options: RefractionsOptions) -> None:
