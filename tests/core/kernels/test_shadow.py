@@ -130,14 +130,9 @@ def test_ambient_occlusion_rays_stay_above_the_triangle_under_a_bent_normal() ->
     rng = np.random.default_rng(2)
     points = random_surfaces(rng, COUNT, random_materials(rng))
     rows = np.arange(COUNT, dtype=np.int32)
-    origin, direction, t_max = (
-        np.empty((COUNT * 8, 3), np.float32),
-        np.empty((COUNT * 8, 3), np.float32),
-        np.empty(COUNT * 8),
-    )
-    hemisphere_rays(
-        rows, rows.astype(np.uint32), points, 8, 5, np.float32(1), origin, direction, t_max.astype(np.float32)
-    )
+    origin, direction = np.empty((COUNT * 8, 3), np.float32), np.empty((COUNT * 8, 3), np.float32)
+    t_max = np.empty(COUNT * 8, np.float32)
+    hemisphere_rays(rows, rows.astype(np.uint32), points, 8, 5, np.float32(1), origin, direction, t_max)
     assert dot(direction, np.repeat(points.geometric_normal, 8, axis=0)).min() >= -1e-6
 
 
