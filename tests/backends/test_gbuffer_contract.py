@@ -40,8 +40,8 @@ class Rig:
             self.tracer.build(world)
         self.producer.build(world)
 
-    def __call__(self, view: CameraView | None = None, *, opaque_only: bool = False) -> GBuffer:
-        buffer = self.producer.render(view or front_view(), opaque_only=opaque_only)
+    def __call__(self, view: CameraView | None = None, *, hidden: np.ndarray | None = None) -> GBuffer:
+        buffer = self.producer.render(view or front_view(), hidden=hidden)
         buffer.validate()
         return buffer
 
@@ -299,12 +299,14 @@ def test_a_surface_that_reaches_behind_the_eye_is_cut_at_the_near_plane(make: Ma
     np.testing.assert_allclose(buffer.position_world[hit][:, 1], -1.0, atol=1e-4)
 
 
-def test_opaque_only_leaves_out_what_lets_light_through(make: Make) -> None:
+def test_hidden_objects_are_left_out(make: Make) -> None:
     materials = [Material(transmission=1.0), Material(alpha_mode="BLEND"), Material()]
     world = scenes.world_of([(quad(0), at()), (quad(1, half=2), at(z=-0.5)), (quad(2, half=4), at(z=-1))], materials)
     rig = make(world)
     assert (rig().object_id == 1).all()
-    assert (rig(opaque_only=True).object_id == 3).all()
+    assert (rig(hidden=~world.object_opaque).object_id == 3).all()
+    assert (rig(hidden=np.array([False, True, False, False])).object_id == 2).all()
+    assert (rig().object_id == 1).all()
 
 
 def test_a_moved_object_is_seen_where_it_went(make: Make) -> None:

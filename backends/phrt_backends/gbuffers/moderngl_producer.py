@@ -83,7 +83,7 @@ class Variant:
 class ModernglProducer(GBufferProducer):
     """Rasterizes with OpenGL. See the module's text for threads, precision and orientation.
 
-    Motion looks back to the previous `render` that asked for motion with the same `opaque_only`; zero in the first.
+    Motion looks back to the previous `render` that asked for motion with the same `hidden`; zero in the first.
     """
 
     def __init__(self, options: ModernglOptions | None = None) -> None:
@@ -96,7 +96,7 @@ class ModernglProducer(GBufferProducer):
         self._targets: dict[tuple[int, int, Layout], Target] = {}
         self._variants: dict[tuple[frozenset[str], Layout], Variant] = {}
         self._states: dict[frozenset[str], tuple[list[DrawState], np.ndarray]] = {}
-        self._past: dict[bool, Past] = {}
+        self._past: dict[bytes, Past] = {}
         self._varying: frozenset[str] = frozenset()
         self._buffers = BufferPool()
         self._renders = 0
@@ -122,7 +122,7 @@ class ModernglProducer(GBufferProducer):
         view: CameraView,
         *,
         channels: Iterable[str] = tuple(CHANNELS),
-        opaque_only: bool = False,
+        hidden: np.ndarray | None = None,
         pixels: np.ndarray | None = None,
     ) -> GBuffer:
         """The G-buffer of `view` with exactly `channels`, all pixels of it: `pixels` would not make it cheaper.
@@ -138,10 +138,10 @@ class ModernglProducer(GBufferProducer):
             target.framebuffer.use()
             target.framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=1.0)
             if self._geometry is not None:
-                self._draw(view, layout, opaque_only)
+                self._draw(view, layout, hidden)
             buffer = self._read(view, layout, target)
         if "motion" in wanted:
-            self._motion(view, buffer, target.packed[0], opaque_only)
+            self._motion(view, buffer, target.packed[0], b"" if hidden is None else hidden.tobytes())
         return buffer
 
     def gl_error(self) -> str:
@@ -184,15 +184,12 @@ class ModernglProducer(GBufferProducer):
 
     # Drawing
 
-    def _draw(self, view: CameraView, layout: Layout, opaque_only: bool) -> None:
-        geometry, materials, world = self._geometry, self._materials, self._world
+    def _draw(self, view: CameraView, layout: Layout, hidden: np.ndarray | None) -> None:
+        geometry, materials = self._geometry, self._materials
         assert geometry is not None
         assert materials is not None
-        assert world is not None
         depth_row = -view.view_from_world()[2]
-        drawn = (
-            world.object_opaque[geometry.cluster_object] if opaque_only else np.ones(len(geometry.cluster_object), bool)
-        )
+        drawn = np.ones(len(geometry.cluster_object), bool) if hidden is None else ~hidden[geometry.cluster_object]
         visible = geometry.visible(view.clip_from_world(), depth_row, drawn, self._options.cull)
         if not len(visible.clusters):
             return
@@ -337,12 +334,12 @@ class ModernglProducer(GBufferProducer):
         for name in layout.constants:
             resolve_constants(material_id, materials.constant(name), buffer.flat(name).reshape(len(material_id), -1))
 
-    def _motion(self, view: CameraView, buffer: GBuffer, packed: np.ndarray, opaque_only: bool) -> None:
+    def _motion(self, view: CameraView, buffer: GBuffer, packed: np.ndarray, hidden: bytes) -> None:
         """Fill `motion` from packed (pixels, 4), points with codes, and remember this picture for the next."""
         assert self._world is not None
         clip, matrix = view.with_jitter(0.0, 0.0).clip_from_world().astype(np.float32), self._world.object_matrix
-        past = self._past.get(opaque_only)
-        self._past[opaque_only] = Past(clip, matrix.copy())
+        past = self._past.get(hidden)
+        self._past[hidden] = Past(clip, matrix.copy())
         moved = np.zeros(len(matrix), bool) if past is None else (past.object_matrix != matrix).any(axis=(1, 2))
         if past is None or self._geometry is None or not (moved.any() or (past.clip_from_world != clip).any()):
             buffer.motion.fill(0.0)

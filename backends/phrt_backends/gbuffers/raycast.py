@@ -46,7 +46,6 @@ class RaycastProducer(GBufferProducer):
         self._geometry = geometry_arrays(world)
         self._materials = material_arrays(world)
         self._all_seen = np.zeros(world.object_count + 1, np.uint8)
-        self._opaque_seen = (~world.object_opaque).astype(np.uint8)
         self._previous_clip = None
 
     def update(self, world: World, changes: Changes) -> None:
@@ -57,7 +56,7 @@ class RaycastProducer(GBufferProducer):
         view: CameraView,
         *,
         channels: Iterable[str] = tuple(CHANNELS),
-        opaque_only: bool = False,
+        hidden: np.ndarray | None = None,
         pixels: np.ndarray | None = None,
     ) -> GBuffer:
         gbuffer = GBuffer(view.width, view.height)
@@ -71,10 +70,10 @@ class RaycastProducer(GBufferProducer):
         order = tile_order(view.width, view.height) if pixels is None else pixels
         world_from_view = view.world_from_view.astype(np.float32)
 
-        hidden = self._opaque_seen if opaque_only else self._all_seen
+        left_out = self._all_seen if hidden is None else hidden.astype(np.uint8)
 
         def chunk(part: slice) -> None:
-            self._chunk(order[part], view, world_from_view, out, hidden)
+            self._chunk(order[part], view, world_from_view, out, left_out)
 
         self._workers.map(chunk, chunks(len(order), self._options.chunk_pixels, self._workers.threads))
         if "motion" in channels:

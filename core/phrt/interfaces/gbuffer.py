@@ -32,14 +32,14 @@ class GBufferProducer(ABC):
         view: CameraView,
         *,
         channels: Iterable[str] = tuple(CHANNELS),
-        opaque_only: bool = False,
+        hidden: np.ndarray | None = None,
         pixels: np.ndarray | None = None,
     ) -> GBuffer:
         """The G-buffer of `view` (its size and sub-pixel jitter included), at least the `channels` asked for.
 
         pixels: (n,) int32 flat indices, the only ones that will be looked at; the others may hold anything.
 
-        opaque_only: leave out objects that let light through (`world.object_opaque` false): what is behind glass.
+        hidden: (N + 1,) bool, objects that are not there: glass for what is behind it, an object for its own probe.
         Alpha-masked texels below their cut-off are not there. Single-sided materials are culled from behind.
         """
 

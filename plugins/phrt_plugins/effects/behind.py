@@ -15,7 +15,7 @@ SHADED = tuple(name for name in CHANNELS if name != "motion")
 
 def behind(frame: Frame, pixels: np.ndarray) -> np.ndarray:
     """(n, 3) float32 light from the nearest opaque surface behind `pixels` (n,), lit by every light without shadows."""
-    gbuffer = frame.producer.render(frame.view, channels=SHADED, opaque_only=True, pixels=pixels)
+    gbuffer = frame.producer.render(frame.view, channels=SHADED, hidden=~frame.world.object_opaque, pixels=pixels)
     return shade_flat(frame, gbuffer, frame.view, pixels)
 
 

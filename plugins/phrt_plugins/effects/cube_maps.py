@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from phrt.camera import CameraView, look_at
@@ -19,7 +17,11 @@ FACES = (
 """Direction and up of every face: +X -X +Y -Y +Z -Z. `phrt_plugins.effects.cube_kernels.cube_texel` is its inverse."""
 
 
-def face_views(centre: np.ndarray, size: int, near: float) -> list[CameraView]:
+NEAR = 0.01
+"""Near plane of a face, metres."""
+
+
+def face_views(centre: np.ndarray, size: int) -> list[CameraView]:
     """Six 90 degree views of `size` x `size` pixels from `centre` (3,), in the order of FACES."""
     x, y, z = (float(c) for c in centre)
     return [
@@ -28,8 +30,7 @@ def face_views(centre: np.ndarray, size: int, near: float) -> list[CameraView]:
             height=size,
             world_from_view=look_at((x, y, z), (x + d[0], y + d[1], z + d[2]), up),
             tan_half=(1.0, 1.0),
-            near=near,
-            far=math.inf,
+            near=NEAR,
         )
         for d, up in FACES
     ]

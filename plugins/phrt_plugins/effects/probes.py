@@ -33,16 +33,15 @@ class Probes:
         """Capture probes for `objects` (N + 1,) bool; lit by every light with the shadows of small shadow maps."""
         low, high = frame.world.object_bounds()
         wanted = np.flatnonzero(objects & (frame.world.triangle_count > 0))
-        self._centres, self._probe_of = spread(low, high, wanted, MAX_PROBES)
-        # The object itself must not be in its own probe: single-sided ones are culled from inside, others cut by the near plane.
-        two_sided = frame.world.object_has(frame.world.materials["double_sided"] != 0)
-        near = np.where(two_sided, (high - low).min(axis=1) * 0.49, 0.01)
-        owner = [int(wanted[np.argmin(np.linalg.norm((low + high)[wanted] / 2 - c, axis=1))]) for c in self._centres]
+        self._centres, owners, self._probe_of = spread(low, high, wanted, MAX_PROBES)
         self._cubes = np.zeros((max(len(self._centres), 1), 6, self._size, self._size, 3), np.float32)
         self._shadows.prepare(frame)
-        for index, centre in enumerate(self._centres):
-            for face, view in enumerate(face_views(centre, self._size, max(float(near[owner[index]]), 0.01))):
-                gbuffer = frame.producer.render(view, channels=SHADED, opaque_only=True)
+        for index, (centre, owner) in enumerate(zip(self._centres, owners, strict=True)):
+            # Glass would be black in a probe, whose pixels are not traced; the object itself must not hide the rest.
+            hidden = ~frame.world.object_opaque
+            hidden[owner] = True
+            for face, view in enumerate(face_views(centre, self._size)):
+                gbuffer = frame.producer.render(view, channels=SHADED, hidden=hidden)
                 rows = all_rows(self._size**2)
                 visibility = self._shadows.visibility_of(frame, surface_arrays(gbuffer), rows)
                 image = shade_flat(frame, gbuffer, view, rows, visibility)
@@ -71,25 +70,25 @@ class Probes:
         return out
 
 
-def spread(low: np.ndarray, high: np.ndarray, wanted: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """Probe centres (K, 3) float32, K <= most, and each object's probe (N + 1,) int32.
+def spread(
+    low: np.ndarray, high: np.ndarray, wanted: np.ndarray, most: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Probe centres (K, 3) float32, K <= most, the objects (K,) they are captured for, and each object's probe (N + 1,) int32.
 
-    With more objects than `most`, centres are chosen far from each other (Gonzalez 1985), largest object first.
+    With more objects than `most`, they are chosen far from each other (Gonzalez 1985), the largest first.
     """
     centres = ((low + high) / 2).astype(np.float32)
-    if len(wanted) <= most:
-        chosen = list(wanted)
-    else:
+    chosen = list(wanted[:most])
+    if len(wanted) > most:
         size = np.linalg.norm((high - low)[wanted], axis=1)
         chosen = [wanted[int(np.argmax(size))]]
         nearest = np.linalg.norm(centres[wanted] - centres[chosen[0]], axis=1)
         while len(chosen) < most:
             chosen.append(wanted[int(np.argmax(nearest))])
             nearest = np.minimum(nearest, np.linalg.norm(centres[wanted] - centres[chosen[-1]], axis=1))
+    owners = np.array(chosen, np.int32)
+    places = np.ascontiguousarray(centres[owners])
     probe_of = np.zeros(len(low), np.int32)
-    if chosen:
-        places = centres[chosen]
-        for object_id in wanted:
-            probe_of[object_id] = int(np.argmin(np.linalg.norm(places - centres[object_id], axis=1)))
-        return np.ascontiguousarray(places), probe_of
-    return np.zeros((0, 3), np.float32), probe_of
+    for object_id in wanted:
+        probe_of[object_id] = int(np.argmin(np.linalg.norm(places - centres[object_id], axis=1)))
+    return places, owners, probe_of

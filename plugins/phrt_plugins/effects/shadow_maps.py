@@ -1,7 +1,7 @@
 """Shadow maps: what every light sees, rendered by the G-buffer producer when the scene changed.
 
 Point, spot, sphere and rect lights get a cube of six square depth pictures, directional ones an orthographic picture of the
-whole scene. Objects that cast no shadow are left out by looking behind them only approximately: they stay in the map.
+whole scene. Objects that cast no shadow are left out.
 Source: Williams 1978; Reeves et al. 1987 (percentage-closer filtering).
 """
 
@@ -18,7 +18,6 @@ from phrt_plugins.effects.cube_kernels import shadow_map_lookup
 from phrt_plugins.effects.cube_maps import face_views
 
 CHUNK = 8192
-NEAR = 0.05
 
 
 class ShadowMaps:
@@ -32,6 +31,7 @@ class ShadowMaps:
         lights = frame.world.lights
         self._maps = np.full((len(lights), 6, self._size, self._size), np.inf, np.float32)
         self._frames = np.zeros((len(lights), 4, 4), np.float32)
+        hidden = ~frame.world.object_casts_shadow
         for index, light in enumerate(lights):
             if not light["casts_shadow"]:
                 continue
@@ -39,9 +39,9 @@ class ShadowMaps:
                 view, self._frames[index] = sun_view(frame, light["direction"].astype(np.float64), self._size)
                 views = [view]
             else:
-                views = face_views(light["position"], self._size, NEAR)
+                views = face_views(light["position"], self._size)
             for face, view in enumerate(views):
-                self._maps[index, face] = frame.producer.render(view, channels=("depth",)).depth
+                self._maps[index, face] = frame.producer.render(view, channels=("depth",), hidden=hidden).depth
 
     def visibility(self, frame: Frame, pixels: np.ndarray) -> np.ndarray:
         """(n, L) float32 share of every light at `pixels`, by lookup."""
