@@ -15,6 +15,7 @@ import pytest
 from scene_kit import GLASS, LAMBERT, MIRROR, Stage, at, ball, box, flipped, psnr, render, turned, write_evidence
 
 from phrt.model import Material, Mesh
+from phrt.registry.manager import get_registry
 from phrt.scene import Scene
 
 mitsuba = pytest.importorskip("mitsuba", reason="the independent reference renderer is in the extra 'test'")
@@ -135,10 +136,21 @@ def reference_image(scene: Scene, folder: Path, spp: int) -> np.ndarray:
     return np.array(mitsuba.render(mitsuba.load_dict(description)), np.float32)
 
 
+class References(dict[str, np.ndarray]):
+    """Mitsuba's picture of every room, made when first asked for."""
+
+    def __init__(self, folders: pytest.TempPathFactory) -> None:
+        super().__init__()
+        self._folders = folders
+
+    def __missing__(self, kind: str) -> np.ndarray:
+        self[kind] = reference_image(stage(kind).scene, self._folders.mktemp(kind), SPP[kind])
+        return self[kind]
+
+
 @pytest.fixture(scope="module")
-def references(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
-    """Mitsuba's picture of every room, made once."""
-    return {kind: reference_image(stage(kind).scene, tmp_path_factory.mktemp(kind), SPP[kind]) for kind in BALLS}
+def references(tmp_path_factory: pytest.TempPathFactory) -> References:
+    return References(tmp_path_factory)
 
 
 def compared(scene: Scene, reference: np.ndarray, folder: Path, **options: Any) -> tuple[float, Path]:
@@ -148,14 +160,18 @@ def compared(scene: Scene, reference: np.ndarray, folder: Path, **options: Any) 
     return psnr(image, reference), evidence
 
 
+@pytest.mark.parametrize("gbuffer", ["raycast", "moderngl"])
 @pytest.mark.parametrize("kind", BALLS)
-def test_all_trace_agrees_with_mitsuba(kind: str, references: dict[str, np.ndarray], tmp_path: Path) -> None:
-    reached, evidence = compared(stage(kind).scene, references[kind], tmp_path / kind)
+def test_all_trace_agrees_with_mitsuba(kind: str, gbuffer: str, references: References, tmp_path: Path) -> None:
+    if reason := get_registry().find("gbuffer", gbuffer).unavailable_reason():
+        pytest.skip(f"{gbuffer}: {reason}")
+    reached, evidence = compared(stage(kind).scene, references[kind], tmp_path / kind, gbuffer=gbuffer)
     assert reached >= TOLERANCE_DB, f"{reached:.1f} dB; see {evidence}"
 
 
-def test_the_references_show_what_is_tested(references: dict[str, np.ndarray]) -> None:
-    for kind, image in references.items():
+def test_the_references_show_what_is_tested(references: References) -> None:
+    for kind in BALLS:
+        image = references[kind]
         assert image.min() < 0.01 < 0.5 < np.clip(image, 0, 1).max(), kind
     assert psnr(references["mirror"], references["glass"]) < TOLERANCE_DB
 
@@ -207,7 +223,7 @@ def thin(scene: Scene) -> Scene:
 
 
 @pytest.mark.parametrize("name", MUTANTS)
-def test_a_wrong_picture_fails_the_tolerance(name: str, references: dict[str, np.ndarray], tmp_path: Path) -> None:
+def test_a_wrong_picture_fails_the_tolerance(name: str, references: References, tmp_path: Path) -> None:
     kind, mutant, options = MUTANTS[name]
     reached, evidence = compared(mutant(), references[kind], tmp_path / name, **options)
     assert reached < TOLERANCE_DB, f"{reached:.1f} dB: the tolerance does not see this fault; see {evidence}"
