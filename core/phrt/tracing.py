@@ -65,12 +65,18 @@ def _pass_holes(frame: Frame, rays: RayBatch, hits: HitBatch, *, shadow: bool) -
 
 
 def light_visibility(
-    frame: Frame, surfaces: SurfaceArrays, rows: np.ndarray, seeds: np.ndarray, direct: np.ndarray, samples: int
+    frame: Frame,
+    surfaces: SurfaceArrays,
+    rows: np.ndarray,
+    seeds: np.ndarray,
+    direct: np.ndarray,
+    samples: int,
+    coherent: bool = False,
 ) -> tuple[np.ndarray, int]:
     """(n, L) float32 share of every light that reaches points `rows` (n,) int32 of `surfaces`, and the rays it took.
 
     samples: rays to each light that has an extent; 0 aims one at its centre (hard shadows). Lights that `direct`
-    (rows, L, 3) says bring nothing get 1.
+    (rows, L, 3) says bring nothing get 1. coherent: the points are neighbours, in tile order (see `RayBatch`).
     """
     lights = frame.world.lights
     visibility = np.ones((len(rows), len(lights)), np.float32)
@@ -84,7 +90,6 @@ def light_visibility(
         rows, seeds, surfaces, direct, lights, samples, frame.seed, origin, direction, t_max, ray_row, ray_light
     )
     if count:
-        coherent = samples <= 1
         answer = blocked(frame, RayBatch(origin[:count], direction[:count], t_max[:count], coherent))
         apply_occlusion(answer, ray_row[:count], ray_light[:count], lights, samples, visibility)
     return visibility, count

@@ -16,10 +16,10 @@ from phrt.camera import CameraView
 from phrt.channels import CHANNELS, GBuffer
 from phrt.interfaces.gbuffer import GBufferProducer
 from phrt.interfaces.tracer import Tracer
-from phrt.kernels.arrays import SurfaceArrays, geometry_arrays, material_arrays, surface_arrays
+from phrt.kernels.arrays import SurfaceArrays, empty_surfaces, geometry_arrays, material_arrays, surface_arrays
 from phrt.kernels.motion import motion_vectors
 from phrt.kernels.onward import continued
-from phrt.kernels.primary import eye_rays, tile_order
+from phrt.kernels.primary import eye_rays, put_in_place, tile_order
 from phrt.kernels.surface import surface
 from phrt.rays import RayBatch
 from phrt.workers import Workers, chunks
@@ -108,10 +108,10 @@ class RaycastProducer(GBufferProducer):
         eye, forward = world_from_view[:3, 3].copy(), -world_from_view[:3, 2].copy()
         hits = self._tracer.closest_hit(rays)
         travelled = hits.distance + np.float32(view.near)
-        passed = np.empty(count, np.uint8)
+        points, target, passed = empty_surfaces(count), np.arange(count, dtype=np.int32), np.empty(count, np.uint8)
         again = surface(
             rays.direction, travelled, hits.primitive, hits.barycentric, self._geometry, self._materials,
-            eye, forward, cone, hidden, True, pixels, out, passed,
+            eye, forward, cone, hidden, True, target, points, passed,
         )  # fmt: skip
         layers = 0
         while again and layers < MAX_LAYERS:
@@ -119,25 +119,26 @@ class RaycastProducer(GBufferProducer):
             index = np.flatnonzero(passed)
             rays, step = continued(rays, hits.distance, index)
             travelled = travelled[index] + step - hits.distance[index]
-            hits, pixels = self._tracer.closest_hit(rays), pixels[index]
+            hits, target = self._tracer.closest_hit(rays), target[index]
             travelled += hits.distance
             passed = np.empty(len(index), np.uint8)
             again = surface(
                 rays.direction, travelled, hits.primitive, hits.barycentric, self._geometry, self._materials,
-                eye, forward, cone, hidden, True, pixels, out, passed,
+                eye, forward, cone, hidden, True, target, points, passed,
             )  # fmt: skip
         if again:
-            self._miss(pixels[np.flatnonzero(passed)], out, eye, forward, cone)
+            self._miss(target[np.flatnonzero(passed)], points, eye, forward, cone)
+        put_in_place(pixels, points, out)
 
     def _miss(
-        self, pixels: np.ndarray, out: SurfaceArrays, eye: np.ndarray, forward: np.ndarray, cone: np.ndarray
+        self, target: np.ndarray, points: SurfaceArrays, eye: np.ndarray, forward: np.ndarray, cone: np.ndarray
     ) -> None:
         """Clear values for rays that passed MAX_LAYERS surfaces."""
-        count = len(pixels)
+        count = len(target)
         surface(
             np.zeros((count, 3), np.float32), np.zeros(count, np.float32), np.full(count, 0xFFFFFFFF, np.uint32),
             np.zeros((count, 2), np.float32), self._geometry, self._materials, eye, forward, cone, self._all_seen, True,
-            pixels, out, np.empty(count, np.uint8),
+            target, points, np.empty(count, np.uint8),
         )  # fmt: skip
 
     def _motion(self, view: CameraView, gbuffer: GBuffer, pixels: np.ndarray | None) -> None:

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from phrt.kernels.jit import kernel
+from phrt.kernels.jit import device, kernel
 
 f32 = np.float32
 
@@ -55,3 +55,48 @@ def eye_rays(
         origin[i, 2] = m[2, 0] * lx + m[2, 1] * ly + m[2, 2] * lz + m[2, 3] + dz * start
         direction[i, 0], direction[i, 1], direction[i, 2] = dx, dy, dz
         t_max[i] = (far - near) * stretch
+
+
+@kernel
+def put_in_place(pixels, points, out):
+    """Rows 0..n of `points` into rows `pixels` (n,) of `out`, array by array.
+
+    The surface kernel writes every array for one pixel after the other; into arrays of a whole picture, in tile order, that
+    are some hundred places in memory at a time, and it took as long as everything else it does. So it writes into a chunk
+    that the cache holds, and this brings one array after the other to its place.
+    """
+    rows = len(pixels)
+    position, normal, geometric_normal = points.position, points.normal, points.geometric_normal
+    out_position, out_normal, out_geometric_normal = out.position, out.normal, out.geometric_normal
+    base_color, emissive, uv = points.base_color, points.emissive, points.uv
+    out_base_color, out_emissive, out_uv = out.base_color, out.emissive, out.uv
+    copy3(rows, pixels, position, out_position)
+    copy3(rows, pixels, normal, out_normal)
+    copy3(rows, pixels, geometric_normal, out_geometric_normal)
+    copy3(rows, pixels, base_color, out_base_color)
+    copy3(rows, pixels, emissive, out_emissive)
+    for i in range(rows):
+        row = np.uint32(pixels[i])
+        out_uv[row, 0], out_uv[row, 1] = uv[i, 0], uv[i, 1]
+    copy1(rows, pixels, points.depth, out.depth)
+    copy1(rows, pixels, points.alpha, out.alpha)
+    copy1(rows, pixels, points.metallic, out.metallic)
+    copy1(rows, pixels, points.roughness, out.roughness)
+    copy1(rows, pixels, points.transmission, out.transmission)
+    copy1(rows, pixels, points.occlusion, out.occlusion)
+    copy1(rows, pixels, points.object_id, out.object_id)
+    copy1(rows, pixels, points.primitive_id, out.primitive_id)
+    copy1(rows, pixels, points.material_id, out.material_id)
+
+
+@device
+def copy3(rows, pixels, source, target):
+    for i in range(rows):
+        row = np.uint32(pixels[i])
+        target[row, 0], target[row, 1], target[row, 2] = source[i, 0], source[i, 1], source[i, 2]
+
+
+@device
+def copy1(rows, pixels, source, target):
+    for i in range(rows):
+        target[np.uint32(pixels[i])] = source[i]

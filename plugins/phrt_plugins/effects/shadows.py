@@ -42,7 +42,13 @@ class Shadows(RayEffect):
 
     def trace(self, frame: Frame, pixels: np.ndarray) -> EffectResult:
         values, rays = light_visibility(
-            frame, frame.surfaces, pixels, pixels.astype(np.uint32), frame.direct, self._options.samples
+            frame,
+            frame.surfaces,
+            pixels,
+            pixels.astype(np.uint32),
+            frame.direct,
+            self._options.samples,
+            coherent=self._options.samples <= 1,
         )
         return EffectResult(values, rays)
 
