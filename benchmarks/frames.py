@@ -20,6 +20,7 @@ from rows import Row, row
 from phrt import Renderer, Scene
 from phrt.frame import FrameResult
 from phrt.interfaces.tracer import Tracer
+from phrt.kernels.primary import put_in_place
 from phrt.kernels.surface import surface
 from phrt.output.tonemap import to_8bit
 from phrt.rays import HitBatch, RayBatch
@@ -27,8 +28,11 @@ from phrt.workers import Workers
 from phrt_backends.gbuffers import raycast
 
 Progress = Callable[[str], None]
-SURFACE = "surface"
-"""The kernel's name in the raycast producer's module, where a recording takes its place."""
+SURFACE, PLACE = "surface", "put_in_place"
+"""The kernels' names in the raycast producer's module, where a recording takes their place."""
+
+Call = tuple[Callable[..., Any], tuple[Any, ...]]
+"""A kernel and its arguments."""
 
 
 @dataclass(frozen=True)
@@ -82,24 +86,30 @@ def record_queries(renderer: Renderer, at: float) -> list[Query]:
     return recorder.queries
 
 
-def record_surfaces(renderer: Renderer, at: float) -> list[tuple[Any, ...]]:
-    """Arguments of every call of the kernel `surface` by the producer in the frame at `at` seconds: its G-buffer's, where
-    the heuristic is all_trace; fallbacks may take another view."""
-    calls: list[tuple[Any, ...]] = []
-    lock = threading.Lock()
+def record_surfaces(renderer: Renderer, at: float) -> list[list[Call]]:
+    """Chunk by chunk, the calls of the kernels `surface` and `put_in_place` by the producer in the frame at `at` seconds:
+    its G-buffer's, where the heuristic is all_trace; fallbacks may take another view."""
+    chunks: list[list[Call]] = []
+    mine = threading.local()
 
-    def keep(*arguments: Any) -> int:
+    def keep_surface(*arguments: Any) -> int:
         inputs = tuple(array.copy() for array in arguments[:4])
-        with lock:
-            calls.append(inputs + arguments[4:])
+        mine.calls = [*getattr(mine, "calls", []), (surface, inputs + arguments[4:])]
         return int(surface(*arguments))
 
-    setattr(raycast, SURFACE, keep)
+    def keep_place(*arguments: Any) -> None:
+        chunks.append([*mine.calls, (put_in_place, arguments)])
+        mine.calls = []
+        put_in_place(*arguments)
+
+    setattr(raycast, SURFACE, keep_surface)
+    setattr(raycast, PLACE, keep_place)
     try:
         renderer.render(at)
     finally:
         setattr(raycast, SURFACE, surface)
-    return calls
+        setattr(raycast, PLACE, put_in_place)
+    return chunks
 
 
 def milliseconds(function: Callable[..., object], *arguments: object) -> float:
@@ -114,9 +124,14 @@ def trace_again(queries: Sequence[Query], tracer: Tracer, workers: Workers) -> N
     workers.map(lambda query: query.ask(tracer), queries)
 
 
-def surfaces_again(calls: Sequence[tuple[Any, ...]], workers: Workers) -> None:
-    """The kernel `surface` on recorded hits, chunk by chunk."""
-    workers.map(lambda arguments: surface(*arguments), calls)
+def surfaces_again(chunks: Sequence[Sequence[Call]], workers: Workers) -> None:
+    """The recorded kernels again, chunk by chunk."""
+
+    def again(calls: Sequence[Call]) -> None:
+        for kernel, arguments in calls:
+            kernel(*arguments)
+
+    workers.map(again, chunks)
 
 
 @dataclass
