@@ -17,6 +17,15 @@ from cli_kit import Outcome, render
 HANG_S = 10.0
 
 
+def peak_mb() -> float:
+    """Largest resident size of this process. On Linux VmHWM: getrusage starts from the size of the parent that forked it."""
+    status = Path("/proc/self/status")
+    if status.exists():
+        line = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM:"))
+        return int(line.split()[1]) / 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
 def timed(path: Path, output: Path) -> tuple[Outcome, float]:
     start = time.monotonic()
     done = render(path, output)
@@ -33,7 +42,7 @@ def main() -> None:
             done, seconds = timed(path, output)
         row = {"path": str(path), "code": done.code, "seconds": seconds, "said": done.said}
         print(json.dumps({**row, "pictured": bool(done.channels), "finite": done.finite}), flush=True)
-    print(json.dumps({"peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024}), flush=True)
+    print(json.dumps({"peak_mb": peak_mb()}), flush=True)
 
 
 if __name__ == "__main__":
