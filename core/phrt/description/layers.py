@@ -256,6 +256,9 @@ class Composer:
                 continue
             mark = value.mark_of(("asset",))
             assert isinstance(value.data, dict)
+            if _text(value, "loader") is not None:
+                message = f"loader: '{asset}' is a scene description, which no loader reads; leave it out"
+                self._problems.add(value.mark_of(("loader",)), path, message)
             found = self._descriptor(value.data["asset"], mark.file or chain[-1], "asset")
             if found is None:
                 continue

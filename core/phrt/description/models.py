@@ -38,6 +38,8 @@ class ModelStore:
 
         registry = get_registry()
         name = loader if loader is not None else loader_name(path)
+        if path is None and (suffixes := getattr(registry.get("loader", name), "suffixes", ())):
+            raise AssetError(f"loader '{name}' reads files; give asset, ending in {' or '.join(suffixes)}")
         key = (path, name, json.dumps(dict(options), sort_keys=True, default=str))
         if key not in self._models:
             made = registry.create("loader", name, options)

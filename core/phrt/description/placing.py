@@ -14,11 +14,15 @@ from phrt.description.prims import CameraOver, LightOver, ModelOver, ReferencePr
 from phrt.description.validation import validated
 from phrt.description.values import Value
 from phrt.errors import did_you_mean
-from phrt.model import Model, Node
+from phrt.model import Model, Node, Track
 from phrt.scene import SceneCamera, SceneLight
 
 if TYPE_CHECKING:
     from phrt.description.build import Builder
+
+
+LONGEST_PATH = 4096
+"""Characters. A chain of nodes has paths whose lengths add up to the square of its depth."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +50,16 @@ class ModelPlacer:
         nodes: list[int | None] = []
         paths: list[str] = []
         states: list[Inherited] = []
+        tracks: dict[int, list[Track]] = {}
+        for track in model.tracks:
+            tracks.setdefault(track.node, []).append(track)
         for index, entry in enumerate(model.nodes):
             root = entry.parent < 0
             own_path = builder.unique_path(f"{path if root else paths[entry.parent]}/{_name(entry, index)}")
+            if len(own_path) > LONGEST_PATH:
+                message = f"its nodes are nested too deeply: a path has more than {LONGEST_PATH} characters"
+                builder.problems.add(builder.stage.prims[path].mark, path, message)
+                return
             self._known.append(own_path)
             paths.append(own_path)
             parent = node if root else nodes[entry.parent]
@@ -66,7 +77,7 @@ class ModelPlacer:
                 scene.tracks.extend(animation_tracks(over.xform.animation, number))
             self._contents(own_path, number, entry, placement, own_state, over)
             if not placed:
-                scene.tracks.extend(replace(track, node=number) for track in model.tracks if track.node == index)
+                scene.tracks.extend(replace(track, node=number) for track in tracks.get(index, ()))
 
     def _over(self, path: str, node: Node, above: Inherited) -> tuple[ModelOver | None, Inherited]:
         """The checked over of a model's node, if there is one, and what holds at the node."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phrt.description.framing import world_matrices
+from phrt.description.layers import DESCRIPTOR_SUFFIXES
 from phrt.errors import SceneError
 from phrt.scene import Scene
 
@@ -37,6 +38,9 @@ def check_places(scene: Scene) -> None:
 def lacking(scene: Scene) -> list[str]:
     """Why the picture may be emptier than meant: nothing to draw, no light, or objects without a size."""
     name = scene.source or scene.name
+    if not scene.triangle_count and scene.source and scene.source.suffix.lower() not in DESCRIPTOR_SUFFIXES:
+        # The loader of a model file has said so.
+        return []
     if not scene.triangle_count:
         return [f"{name}: has nothing to draw; the picture shows the background only"]
     messages = []

@@ -209,6 +209,14 @@ def test_a_name_that_is_too_long(tmp_path: Path) -> None:
         ("prims:\n  A: {type: Sphere, material: /Tin}\n", "/A: material: there is no /Tin; allowed: none is described"),
         ("prims:\n  A: {type: Reference, asset: gone.glb}\n", "/A: 'gone.glb' was not found; looked in: "),
         ("prims:\n  A: {type: Reference, asset: scene.yaml}\n", "cycle"),
+        (
+            "prims:\n  A: {type: Reference, loader: atriun}\n",
+            "/A: there is no loader 'atriun'. Known: atrium, gltf, mesh. ",
+        ),
+        (
+            "prims:\n  A: {type: Reference, loader: gltf}\n",
+            "loader 'gltf' reads files; give asset, ending in .gltf or .glb",
+        ),
         ("sublayers: [scene.yaml]\n", "scene.yaml:1: the sublayers form a cycle: scene.yaml -> scene.yaml"),
         ("prims: " + "{a: " * 100 + "1" + "}" * 100 + "\n", "scene.yaml:1: nested more than 64 levels deep"),
         ("[" * 100_000, "scene.yaml:1: nested more than 64 levels deep"),
@@ -218,6 +226,13 @@ def test_a_name_that_is_too_long(tmp_path: Path) -> None:
 )
 def test_a_wrong_description_names_line_prim_and_what_is_allowed(tmp_path: Path, text: str, told: str) -> None:
     assert told in one_error(render_text(tmp_path, text))
+
+
+def test_a_scene_description_takes_no_loader(tmp_path: Path) -> None:
+    (tmp_path / "other.yaml").write_text("prims: {}\n")
+    message = one_error(render_text(tmp_path, "prims:\n  A: {type: Reference, asset: other.yaml, loader: mesh}\n"))
+    told = "/A: loader: 'other.yaml' is a scene description, which no loader reads; leave it out"
+    assert message == f"{tmp_path}/scene.yaml:2: {told}"
 
 
 def test_transforms_that_multiply_beyond_all_numbers_name_the_object(tmp_path: Path) -> None:
