@@ -251,11 +251,12 @@ class Renderer:
         for effect in self.effects:
             wanted.setdefault(effect.writes.name, (effect.writes.width(self.world), effect.writes.clear))
         layers = LayerSet({}, {})
+        fills: list[tuple[np.ndarray, float]] = []
         for name, (components, clear) in wanted.items():
             layers.arrays[name] = self._buffers.take((count, components))
-            layers.arrays[name].fill(clear)
             layers.masks[name] = self._buffers.take((count,), np.uint8)
-            layers.masks[name].fill(0)
+            fills += [(layers.arrays[name], clear), (layers.masks[name], 0)]
+        self.workers.map(lambda fill: fill[0].fill(fill[1]), fills)
         return layers
 
 
