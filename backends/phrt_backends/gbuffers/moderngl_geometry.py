@@ -146,6 +146,8 @@ class DrawGeometry:
         self.cluster_low[clusters] = np.minimum.reduceat(corners.min(axis=1), offsets)
         self.cluster_high[clusters] = np.maximum.reduceat(corners.max(axis=1), offsets)
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        # By the largest part first: squares of the areas of large triangles do not fit into float32.
+        normal /= np.abs(normal).max(axis=1, keepdims=True) + np.float32(1e-30)
         normal /= np.linalg.norm(normal, axis=1, keepdims=True) + np.float32(1e-30)
         self.code_normal[2 * (rows + 1)] = normal
         self.code_normal[2 * (rows + 1) + 1] = -normal

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,8 @@ SCENE = """prims:
   Cam: {type: Camera, look_at: {eye: [0, 0, 3], target: [0, 0, 0]}}
 """
 OLD = b"the old picture"
+NEEDS_AV = pytest.mark.skipif(find_spec("av") is None, reason="video needs PyAV: pip install 'phrt[video]'")
+SUFFIXES = [".png", ".exr", pytest.param(".mp4", marks=NEEDS_AV)]
 
 KILLED = """
 import os, signal, sys
@@ -69,7 +72,7 @@ def told(done: Outcome) -> str:
 # Old pictures
 
 
-@pytest.mark.parametrize("suffix", [".png", ".exr", ".mp4"])
+@pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_complete_output_replaces_the_old_one(scene: Path, folder: Path, suffix: str) -> None:
     output = folder / f"old{suffix}"
     output.write_bytes(OLD)
@@ -79,7 +82,7 @@ def test_a_complete_output_replaces_the_old_one(scene: Path, folder: Path, suffi
     assert list(folder.iterdir()) == [output]
 
 
-@pytest.mark.parametrize("suffix", [".png", ".exr", ".mp4"])
+@pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_process_killed_while_it_writes_leaves_the_old_output(scene: Path, folder: Path, suffix: str) -> None:
     output = folder / f"old{suffix}"
     output.write_bytes(OLD)
@@ -90,7 +93,7 @@ def test_a_process_killed_while_it_writes_leaves_the_old_output(scene: Path, fol
     assert output.read_bytes() == OLD
 
 
-@pytest.mark.parametrize("suffix", [".png", ".exr", ".mp4"])
+@pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_writer_that_fails_leaves_the_old_output_and_nothing_else(
     scene: Path, folder: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -108,7 +111,7 @@ def test_a_writer_that_fails_leaves_the_old_output_and_nothing_else(
     assert list(folder.iterdir()) == [output]
 
 
-@pytest.mark.parametrize("suffix", [".png", ".exr", ".mp4"])
+@pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_render_that_fails_leaves_the_old_output_and_nothing_else(
     scene: Path, folder: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from cli_kit import Outcome, render, render_text
 
+from phrt.registry import get_registry
+
 CAMERA = "  Cam: {type: Camera, look_at: {eye: [0, 0, 3], target: [0, 0, 0]}}\n"
 SUN = "  Sun: {type: DistantLight}\n"
 SKY = "  Sky: {type: DomeLight}\n"
@@ -323,9 +325,25 @@ ODD = {
 }
 
 
+CHEAP = ("shadows.fallback=shadow_map", "reflections.fallback=probe", "refractions.fallback=probe")
+WAYS = {
+    "raycast": ("--gbuffer", "raycast"),
+    "moderngl": ("--gbuffer", "moderngl"),
+    "open3d": ("--tracer", "open3d"),
+    "numpy": ("--tracer", "numpy"),
+    "soft": ("--effect", "shadows.samples=4", "--effect", "ambient_occlusion.samples=4", "--aa", "2"),
+    "fallbacks": ("--heuristic", "raster_only", *(part for option in CHEAP for part in ("--effect", option))),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("name", ODD)
-def test_an_odd_scene_is_a_picture_without_nan(tmp_path: Path, name: str) -> None:
-    done = render_text(tmp_path, "prims:\n" + ODD[name])
+def test_an_odd_scene_is_a_picture_without_nan(tmp_path: Path, name: str, way: str) -> None:
+    if WAYS[way][0] in ("--tracer", "--gbuffer"):
+        reason = get_registry().find(WAYS[way][0].removeprefix("--"), WAYS[way][1]).unavailable_reason()
+        if reason:
+            pytest.skip(reason)
+    done = render_text(tmp_path, "prims:\n" + ODD[name], *WAYS[way])
     assert done.code == 0, done.said
     assert done.errors == []
     assert done.finite
