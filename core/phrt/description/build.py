@@ -15,7 +15,14 @@ from phrt.description.inherited import Inherited, prim_name, unique, warn_of_unk
 from phrt.description.layers import DESCRIPTOR_SUFFIXES, Stage
 from phrt.description.models import ModelStore
 from phrt.description.motion import animation_tracks, camera_rest, camera_tracks, look_at_matrix, matrix_of
-from phrt.description.pictures import PLACEHOLDER, checker_image, read_dome, read_texture, texture_ref
+from phrt.description.pictures import (
+    MAX_TEXTURE_BYTES,
+    PLACEHOLDER,
+    checker_image,
+    read_dome,
+    read_texture,
+    texture_ref,
+)
 from phrt.description.placing import ModelPlacer
 from phrt.description.prims import (
     PRIM_TYPES,
@@ -40,7 +47,7 @@ from phrt.description.problems import Mark, Problems, listed
 from phrt.description.shapes import box, icosphere, inline_mesh, plane
 from phrt.description.validation import validated
 from phrt.description.values import Value
-from phrt.errors import InputError, PhrtWarning, did_you_mean
+from phrt.errors import AssetError, InputError, PhrtWarning, did_you_mean
 from phrt.materials import TEXTURE_SLOTS
 from phrt.model import Image, Material, Mesh, Model, TextureRef
 from phrt.scene import Dome, Scene, SceneCamera, SceneLight, SceneNode, SceneObject
@@ -199,6 +206,8 @@ class Builder:
             return texture_ref(texture, self._image(texture.checker, checker_image(texture.checker)))
         try:
             file = self._find(mark, str(texture.asset))
+            if file not in self._images:
+                self._check_textures()
             return texture_ref(texture, self._image(file, None if file in self._images else read_texture(file)))
         except MissingAssetError as error:
             # The rest of the scene is worth a picture, which shows where the texture belongs.
@@ -207,6 +216,11 @@ class Builder:
         except InputError as error:
             self.problems.add(mark, path, str(error))
             return None
+
+    def _check_textures(self) -> None:
+        """Raises AssetError when the textures so far leave no room for another one."""
+        if sum(image.pixels.nbytes for image in self.scene.images) > MAX_TEXTURE_BYTES:
+            raise AssetError(f"the scene's textures have more than {MAX_TEXTURE_BYTES} bytes together")
 
     def _image(self, key: object, image: Image | None) -> int:
         if key not in self._images:

@@ -14,6 +14,9 @@ from phrt.model import Image, TextureRef
 
 MAX_PIXELS = 8192 * 4096
 MAX_BYTES = 512 * 1024 * 1024
+MAX_TEXTURE_BYTES = 2 * 1024 * 1024 * 1024
+"""Of all textures of a scene together, decoded."""
+
 PLACEHOLDER = ((1.0, 0.0, 1.0), (0.0, 0.0, 0.0))
 """The checker shown for a texture that is missing: nobody takes magenta and black for the real one."""
 

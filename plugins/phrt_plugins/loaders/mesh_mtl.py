@@ -16,9 +16,11 @@ import numpy as np
 from phrt.errors import AssetError
 from phrt.interfaces.loader import LoadContext
 from phrt.model import Image, Material, TextureRef
-from phrt_plugins.loaders.mesh_textures import read_texture
+from phrt_plugins.loaders.mesh_textures import placeholder, read_texture
 
 MAX_MTL_BYTES = 16 * 1024 * 1024
+MAX_TEXTURE_BYTES = 2 * 1024 * 1024 * 1024
+"""Of all textures of a file together, decoded."""
 
 _NUMBERS = {"Kd": 3, "Ks": 3, "Ke": 3, "Tf": 3, "Ns": 1, "Ni": 1, "d": 1, "Tr": 1, "illum": 1, "Pr": 1, "Pm": 1}
 _MAPS = {"map_Kd", "map_Ke", "map_d", "norm"}
@@ -154,7 +156,12 @@ class MaterialLibrary:
         opacity_reference = parse_map(opacity)[0] if opacity else ""
         key = (reference, opacity_reference)
         if key not in self._image_index:
-            pixels, cutout = read_texture(self.context, reference, opacity_reference, self.max_texture_size)
+            if sum(image.pixels.nbytes for image in self.images) > MAX_TEXTURE_BYTES:
+                full = f"those before it have more than {MAX_TEXTURE_BYTES} bytes; a smaller 'max_texture_size' helps"
+                self.context.warn(f"texture '{reference}' is replaced by a checker: {full}")
+                pixels, cutout = placeholder(), False
+            else:
+                pixels, cutout = read_texture(self.context, reference, opacity_reference, self.max_texture_size)
             self._image_index[key] = (len(self.images), cutout)
             self.images.append(Image(reference, pixels))
         ref.image, cutout = self._image_index[key]

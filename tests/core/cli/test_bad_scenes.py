@@ -130,6 +130,31 @@ def test_a_texture_outside_the_roots_is_an_error(tmp_path: Path, asset: str, tol
     assert told.format(roots=folder) in message
 
 
+def test_textures_are_limited_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("phrt.description.build.MAX_TEXTURE_BYTES", 100)
+    text = "prims:\n"
+    for number in range(3):
+        (tmp_path / f"{number}.png").write_bytes(png(5, 5, bytes(105)))
+        text += f"  M{number}: {{type: Material, base_color_texture: {{asset: {number}.png}}}}\n"
+    message = one_error(render_text(tmp_path, text))
+    assert message == f"{tmp_path}/scene.yaml:4: /M2: the scene's textures have more than 100 bytes together"
+
+
+def test_textures_of_an_obj_are_limited_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("phrt_plugins.loaders.mesh_mtl.MAX_TEXTURE_BYTES", 100)
+    library = text = ""
+    for number in range(3):
+        (tmp_path / f"{number}.png").write_bytes(png(5, 5, bytes(105)))
+        library += f"newmtl m{number}\nmap_Kd {number}.png\n"
+        text += f"usemtl m{number}\nf 1/1 2/2 3/3\n"
+    (tmp_path / "wall.mtl").write_text(library)
+    (tmp_path / "wall.obj").write_text(f"mtllib wall.mtl\n{TRIANGLE}vt 0 0\nvt 1 0\nvt 0 1\n{text}")
+    done = render(tmp_path / "wall.obj", tmp_path / "picture.exr")
+    assert done.code == 0
+    (warning,) = done.warnings
+    assert "texture '2.png' is replaced by a checker: those before it have more than 100 bytes" in warning
+
+
 def test_percent_signs_in_a_name_are_no_way_out(tmp_path: Path) -> None:
     (tmp_path / "secret.png").write_bytes(png(1, 1, bytes([0, 0, 255, 0, 255])))
     folder = tmp_path / "scenes"
