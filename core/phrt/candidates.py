@@ -60,7 +60,8 @@ def find_work(frame: Frame, effects: list[RayEffect], scopes: list[EffectScope])
         return start, pixels[:placed]
 
     sorted_pixels = frame.workers.map(sort, scopes)
-    columns: list[tuple[np.ndarray, ...]] = []
+    none = np.zeros(0, np.int32)
+    columns = [(none, none, none, np.zeros(0, np.float32), np.zeros(0, bool), np.zeros(0, np.int64))]
     for index, ((start, _), scope) in enumerate(zip(sorted_pixels, scopes, strict=True)):
         counts = np.diff(start)
         objects = np.flatnonzero(counts).astype(np.int32)
@@ -75,7 +76,7 @@ def find_work(frame: Frame, effects: list[RayEffect], scopes: list[EffectScope])
             )
         )
     object_id, effect, pixel_count, ray_estimate, mandatory, first = (
-        np.concatenate(column) if columns else np.zeros(0, np.int32) for column in zip(*columns, strict=True)
+        np.concatenate(column) for column in zip(*columns, strict=True)
     )
     candidates = Candidates(
         effect_names=tuple(effect.name for effect in effects),

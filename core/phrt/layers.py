@@ -34,9 +34,19 @@ def apply_fallbacks(
         mine = work.candidates.effect == index
         untraced = merged(work, np.flatnonzero(mine & (decisions.passes == 0)))
         partial = merged(work, np.flatnonzero(mine & (decisions.passes > 0) & (decisions.passes < PASSES)))
-        missing = _fill(frame, effect, partial, layers)
-        if untraced or missing:
-            _fall_back(frame, effect, np.ascontiguousarray(np.concatenate([*untraced, *missing])), layers)
+        missing = _fill(frame, effect, _concerned(frame, effect, partial), layers)
+        left = [*_concerned(frame, effect, untraced), *missing]
+        if left:
+            _fall_back(frame, effect, np.ascontiguousarray(np.concatenate(left)), layers)
+
+
+def _concerned(frame: Frame, effect: RayEffect, runs: list[np.ndarray]) -> list[np.ndarray]:
+    """The pixels of `runs` at which the effect would give a value."""
+    kept = []
+    for pixels in runs:
+        applies = effect.applies_at(frame, pixels)
+        kept.append(pixels if applies is None else pixels[applies])
+    return [pixels for pixels in kept if len(pixels)]
 
 
 def _fill(frame: Frame, effect: RayEffect, runs: list[np.ndarray], layers: LayerSet) -> list[np.ndarray]:

@@ -136,7 +136,7 @@ def gather(
         direct_light(0, count, points, frame.materials.materials, lights, direction, False, direct)
         visibility, shadow_count = light_visibility(frame, points, rows, target.astype(np.uint32), direct, 0)
         total += shadow_count
-        capacity = 2 * count + count
+        capacity = 3 * count  # each hit may be passed, reflected and refracted
         onward = [np.empty((capacity, 3), np.float32) for _ in range(3)]
         next_path = np.empty(capacity, np.float32)
         next_target, next_medium = np.empty(capacity, np.int32), np.empty(capacity, np.int32)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from itertools import pairwise
 from typing import TypeVar
 
@@ -17,18 +18,28 @@ def usable_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+_on_a_worker = threading.local()
+
+
 class Workers:
-    """`threads` threads; with one, everything runs in the caller's own."""
+    """`threads` threads; with one, everything runs in the caller's own. What a worker maps runs in that worker."""
 
     def __init__(self, threads: int | None = None) -> None:
         self.threads = max(1, threads or usable_cores())
         self._pool = ThreadPoolExecutor(self.threads, thread_name_prefix="phrt") if self.threads > 1 else None
 
     def map(self, function: Callable[[T], R], items: Iterable[T]) -> list[R]:
-        """`function` of every item, in order; waits for all. The first exception is raised."""
-        if self._pool is None:
+        """`function` of every item, in order. When one raises, the first such exception is raised after all have ended."""
+        if self._pool is None or getattr(_on_a_worker, "yes", False):
             return [function(item) for item in items]
-        return list(self._pool.map(function, items))
+
+        def work(item: T) -> R:
+            _on_a_worker.yes = True
+            return function(item)
+
+        futures = [self._pool.submit(work, item) for item in items]
+        wait(futures)
+        return [future.result() for future in futures]
 
     def close(self) -> None:
         if self._pool is not None:

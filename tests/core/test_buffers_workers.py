@@ -81,3 +81,29 @@ def test_by_default_there_is_a_thread_for_each_usable_core() -> None:
     workers = Workers()
     assert workers.threads == usable_cores() >= 1
     workers.close()
+
+
+def test_a_worker_may_map_on_its_own_pool() -> None:
+    workers = Workers(2)
+    try:
+        assert workers.map(lambda n: workers.map(lambda m: n * m, range(4)), range(8)) == [
+            [n * m for m in range(4)] for n in range(8)
+        ]
+    finally:
+        workers.close()
+
+
+def test_everything_has_ended_when_an_exception_arrives() -> None:
+    workers, ended = Workers(2), []
+
+    def work(n: int) -> None:
+        if n == 0:
+            raise ValueError("first")
+        ended.append(n)
+
+    try:
+        with pytest.raises(ValueError, match="first"):
+            workers.map(work, range(20))
+        assert sorted(ended) == list(range(1, 20))
+    finally:
+        workers.close()

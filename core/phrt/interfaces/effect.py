@@ -62,6 +62,13 @@ class RayEffect(ABC):
     def trace(self, frame: Frame, pixels: np.ndarray) -> EffectResult:
         """Values of this effect's layer at `pixels` ((n,) int32, flat indices, tile order) by ray tracing."""
 
+    def applies_at(self, frame: Frame, pixels: np.ndarray) -> np.ndarray | None:
+        """(n,) bool: where among `pixels`, on materials it applies to, `trace` would give a value; None for everywhere.
+
+        The other pixels keep the layer's clear value, traced or not: no gap filling and no fallback reaches them.
+        """
+        return None
+
     def prepare_fallback(self, frame: Frame) -> None:
         """Called when the scene was built or changed: capture probes, render shadow maps."""
         return

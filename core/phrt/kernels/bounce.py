@@ -13,6 +13,9 @@ from phrt.kernels.shade import ambient_light, fresnel_dielectric, reflectance
 from phrt.kernels.shadow import bias_at
 
 f32 = np.float32
+MIRROR_RAY_ROUGHNESS = f32(0.05)
+"""Up to this roughness a reflection is one ray; rougher ones take several, spread by GGX."""
+
 MIRROR_BOUNCE_ROUGHNESS = f32(0.15)
 """A surface seen in a mirror is itself a mirror up to this roughness; rougher ones take the filtered dome."""
 
@@ -108,7 +111,7 @@ def reflection_rays(rows, seeds, surfaces, materials, view, view_is_point, appli
         else:
             vx, vy, vz = -view[i, 0], -view[i, 1], -view[i, 2]
         bias = bias_at(px, py, pz)
-        mirror = roughness < f32(0.05)
+        mirror = roughness < MIRROR_RAY_ROUGHNESS
         repeats = 1 if mirror else samples
         for j in range(repeats):
             hx, hy, hz = nx, ny, nz
@@ -188,7 +191,7 @@ def refraction_rays(
 def shade_and_spawn(direction, distance, path_length, weight, target, medium, surfaces, direct, visibility, geometry, materials,
                     environment, last, threshold, next_origin, next_direction, next_path, next_weight, next_target, next_medium,
                     radiance):  # fmt: skip
-    """Add what n hits send back to radiance[target] (m, 3), and write the rays that go on; returns how many (2 n at most).
+    """Add what n hits send back to radiance[target] (m, 3), and write the rays that go on; returns how many (3 n at most).
 
     surfaces: rows 0..n of the hits; direct, visibility (n, L) of them; last: nothing goes on, the dome stands in;
     threshold: rays that carry less than this are dropped.

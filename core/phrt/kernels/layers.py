@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from phrt.kernels.jit import kernel
@@ -10,11 +12,16 @@ f32 = np.float32
 
 
 @kernel
-def mark_targets(target, pixels, depth, traced, path_length):
-    """traced[target] = 1 for every ray's target (position in `pixels`), and the eye's distance as its path so far."""
+def mark_targets(target, pixels, position, view, view_is_point, traced, path_length):
+    """traced[target] = 1 for every ray's target (position in `pixels`), and the eye's distance as its path so far: 0 for an
+    orthographic view, whose pixels are as wide everywhere."""
     for i in range(len(target)):
         traced[target[i]] = 1
-        path_length[i] = depth[pixels[target[i]]]
+        path_length[i] = f32(0.0)
+        if view_is_point:
+            row = pixels[target[i]]
+            x, y, z = position[row, 0] - view[0, 0], position[row, 1] - view[0, 1], position[row, 2] - view[0, 2]
+            path_length[i] = math.sqrt(x * x + y * y + z * z)
 
 
 @kernel

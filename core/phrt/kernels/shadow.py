@@ -9,7 +9,7 @@ import numpy as np
 from phrt.conventions import RAY_BIAS
 from phrt.kernels.jit import device, kernel
 from phrt.kernels.random import orthonormal, pixel_sample
-from phrt.lights import DIRECTIONAL, RECT, SPHERE
+from phrt.lights import DIRECTIONAL, RECT
 
 f32 = np.float32
 BIAS = f32(RAY_BIAS)
@@ -19,6 +19,16 @@ BIAS = f32(RAY_BIAS)
 def bias_at(x, y, z):
     """How far a ray starts off a surface at x, y, z, in metres."""
     return BIAS * max(max(abs(x), abs(y)), max(abs(z), f32(1.0)))
+
+
+@device
+def is_extended(light):
+    """Has the light an extent that softens its shadows?"""
+    if light.kind == RECT:
+        return True
+    if light.kind == DIRECTIONAL:
+        return light.tan_half_angle > f32(0.0)
+    return light.radius > f32(0.0)
 
 
 @device
@@ -40,7 +50,7 @@ def light_point(light, px, py, pz, u, v, soft):
         x += light.half_u[0] * a + light.half_v[0] * b
         y += light.half_u[1] * a + light.half_v[1] * b
         z += light.half_u[2] * a + light.half_v[2] * b
-    elif soft and light.kind == SPHERE and light.radius > f32(0.0):
+    elif soft and light.radius > f32(0.0):
         length = math.sqrt(x * x + y * y + z * z + f32(1e-12))
         tx, ty, tz, bx, by, bz = orthonormal(x / length, y / length, z / length)
         radius = math.sqrt(u) * light.radius
@@ -65,8 +75,7 @@ def shadow_rays(rows, seeds, surfaces, direct, lights, samples, seed, origin, di
         light = lights[k]
         if light.casts_shadow == 0:
             continue
-        extended = light.kind == RECT or (light.kind == SPHERE and light.radius > f32(0.0))
-        extended = extended or (light.kind == DIRECTIONAL and light.tan_half_angle > f32(0.0))
+        extended = is_extended(light)
         repeats = samples if extended else 1
         soft = extended and samples > 0
         repeats = max(repeats, 1)
@@ -99,8 +108,7 @@ def apply_occlusion(blocked, ray_row, ray_light, lights, samples, visibility):
         if blocked[j]:
             k = ray_light[j]
             light = lights[k]
-            extended = light.kind == RECT or (light.kind == SPHERE and light.radius > f32(0.0))
-            extended = extended or (light.kind == DIRECTIONAL and light.tan_half_angle > f32(0.0))
+            extended = is_extended(light)
             share = f32(1.0) / f32(max(samples, 1)) if extended else f32(1.0)
             visibility[ray_row[j], k] = max(visibility[ray_row[j], k] - share, f32(0.0))
 

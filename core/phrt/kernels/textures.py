@@ -31,7 +31,10 @@ def floor32(x):
 
 @device
 def wrapped(coordinate, mode):
-    """A texture coordinate brought into 0..1 by wrap mode (WRAPS)."""
+    """A texture coordinate brought into 0..1 by wrap mode (WRAPS). Beyond 2**23 single precision has no fraction left,
+    and beyond 2**31 no integer: such a coordinate, and NaN, counts as 0."""
+    if not abs(coordinate) < f32(8388608.0):
+        return f32(0.0)
     if mode == 0:
         return coordinate - f32(floor32(coordinate))
     if mode == 1:

@@ -13,7 +13,7 @@ import numpy as np
 
 from phrt.frame import Frame
 from phrt.interfaces.effect import EffectResult, LayerSpec, RayEffect
-from phrt.kernels.bounce import reflection_rays
+from phrt.kernels.bounce import MIRROR_RAY_ROUGHNESS, reflection_rays
 from phrt.kernels.layers import mark_targets
 from phrt.tracing import gather
 from phrt.world import World
@@ -37,7 +37,12 @@ class Reflections(RayEffect):
         return smooth & (materials["unlit"] == 0) & ((materials["specular"] > 0) | (materials["metallic"] > 0))
 
     def rays_per_pixel(self, world: World) -> float:
-        return 1.0 + len(world.lights)
+        roughness = world.materials["roughness"][self.applies_to(world)]
+        first = np.where(roughness < MIRROR_RAY_ROUGHNESS, 1.0, self._options.samples)
+        return float(first.mean() if len(first) else 1.0) * (1.0 + len(world.lights))
+
+    def applies_at(self, frame: Frame, pixels: np.ndarray) -> np.ndarray | None:
+        return frame.surfaces.roughness[pixels] <= np.float32(self._options.roughness_cutoff)
 
     def trace(self, frame: Frame, pixels: np.ndarray) -> EffectResult:
         count = len(pixels)
@@ -52,7 +57,7 @@ class Reflections(RayEffect):
         )  # fmt: skip
         traced = np.zeros(count, np.uint8)
         path_length = np.empty(rays, np.float32)
-        mark_targets(target[:rays], pixels, frame.surfaces.depth, traced, path_length)
+        mark_targets(target[:rays], pixels, frame.surfaces.position, view, is_point, traced, path_length)
         radiance, total = gather(
             frame, origin[:rays], direction[:rays], weight[:rays], target[:rays], np.zeros(rays, np.int32), path_length,
             count, self._options.max_depth,

@@ -56,11 +56,12 @@ class Refractions(RayEffect):
         )  # fmt: skip
         traced = np.zeros(count, np.uint8)
         path_length = np.empty(rays, np.float32)
-        mark_targets(target[:rays], pixels, frame.surfaces.depth, traced, path_length)
+        mark_targets(target[:rays], pixels, frame.surfaces.position, view, is_point, traced, path_length)
         radiance, total = gather(
             frame, origin[:rays], direction[:rays], weight[:rays], target[:rays], medium[:rays], path_length,
             count, self._options.max_depth,
         )  # fmt: skip
+        # Total reflection lets nothing through: that is a value too, so every pixel counts as traced.
         return EffectResult(radiance, total)
 
     def prepare_fallback(self, frame: Frame) -> None:

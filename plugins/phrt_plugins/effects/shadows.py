@@ -14,6 +14,7 @@ import numpy as np
 from phrt.frame import Frame
 from phrt.interfaces.effect import EffectResult, LayerSpec, RayEffect
 from phrt.kernels.light import MIRROR_ROUGHNESS
+from phrt.lights import RECT
 from phrt.tracing import light_visibility
 from phrt.world import World
 from phrt_plugins.effects.options import ShadowsOptions
@@ -38,7 +39,8 @@ class Shadows(RayEffect):
         return (materials["unlit"] == 0) & (textured | ~(mirror | clear)) & (len(world.lights) > 0)
 
     def rays_per_pixel(self, world: World) -> float:
-        return float(len(world.lights) * max(self._options.samples, 1))
+        extended = (world.lights["radius"] > 0) | (world.lights["kind"] == RECT) | (world.lights["tan_half_angle"] > 0)
+        return float(np.where(extended, max(self._options.samples, 1), 1).sum())
 
     def trace(self, frame: Frame, pixels: np.ndarray) -> EffectResult:
         values, rays = light_visibility(

@@ -79,12 +79,16 @@ def test_scatter_writes_only_what_was_traced() -> None:
     assert mask.tolist() == [0, 0, 2, 0, 0, 2]
 
 
-def test_mark_targets_starts_paths_at_their_pixels_depth() -> None:
+@pytest.mark.parametrize("is_point", [True, False])
+def test_mark_targets_starts_paths_at_the_eyes_distance(is_point: bool) -> None:
+    position = np.random.default_rng(1).normal(size=(10, 3)).astype(np.float32)
+    eye = np.array([[1.0, 2.0, 3.0]], np.float32)
     traced, path = np.zeros(3, np.uint8), np.empty(4, np.float32)
-    depth = np.arange(10, dtype=np.float32)
-    mark_targets(np.array([2, 0, 2, 2], np.int32), np.array([7, 8, 9], np.int32), depth, traced, path)
+    target, pixels = np.array([2, 0, 2, 2], np.int32), np.array([7, 8, 9], np.int32)
+    mark_targets(target, pixels, position, eye, is_point, traced, path)
     assert traced.tolist() == [1, 0, 1]
-    assert path.tolist() == [9, 7, 9, 9]
+    expected = np.linalg.norm(position[pixels[target]] - eye, axis=1) if is_point else np.zeros(4)
+    np.testing.assert_allclose(path, expected, rtol=1e-5)
 
 
 def test_interleaved_passes_take_the_corners_of_each_block_in_turn() -> None:
