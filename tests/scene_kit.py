@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import needs
 import numpy as np
-import pytest
 
 import phrt
 from phrt.camera import look_at
@@ -27,7 +27,7 @@ def need_tracer(name: str) -> str:
     """`name`, or a skip that says why this tracer cannot run here."""
     reason = get_registry().find("tracer", name).unavailable_reason()
     if reason:
-        pytest.skip(f"{name}: {reason}")
+        needs.absent(f"{name}: {reason}")
     return name
 
 

@@ -6,6 +6,7 @@ import ctypes
 import importlib.util
 from pathlib import Path
 
+import needs
 import numpy as np
 import pytest
 
@@ -15,7 +16,7 @@ from phrt_backends.tracers import embree_abi as abi
 from phrt_backends.tracers.embree import EmbreeTracer
 from phrt_backends.tracers.embree_scene import EmbreeDevice, EmbreeScene
 
-pytestmark = pytest.mark.skipif(embree_reason() is not None, reason=str(embree_reason()))
+pytestmark = needs.all_need(embree_reason())
 
 SEED = 7
 

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable, Iterator
 
 import gbuffer_scenes as scenes
+import needs
 import numpy as np
 import pytest
 
@@ -20,7 +21,7 @@ from phrt_backends.gbuffers.moderngl_options import ModernglOptions
 from phrt_backends.gbuffers.moderngl_producer import KEPT_TARGETS, ModernglProducer
 from phrt_backends.gbuffers.moderngl_provoking import own_corners
 
-pytestmark = pytest.mark.skipif(moderngl_reason() is not None, reason=str(moderngl_reason()))
+pytestmark = needs.all_need(moderngl_reason())
 
 Build = Callable[[World], ModernglProducer]
 

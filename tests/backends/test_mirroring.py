@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import needs
 import numpy as np
 import pytest
 from gbuffer_scenes import at, four_colors, front_view, sphere, world_of
@@ -11,6 +12,7 @@ from phrt.interfaces.gbuffer import GBufferProducer
 from phrt.interfaces.tracer import Tracer
 from phrt.model import Material, TextureRef, Track
 from phrt.registry.manager import get_registry
+from phrt.workers import Workers
 from phrt.world import World
 
 RIGS = ["moderngl", "raycast-numpy", "raycast-embree", "raycast-open3d"]
@@ -40,11 +42,11 @@ class Rig:
         for plugin, wanted in (("gbuffer", kind), ("tracer", tracer)):
             reason = registry.find(plugin, wanted).unavailable_reason() if wanted else None
             if reason:
-                pytest.skip(f"{name}: {reason}")
+                needs.absent(f"{name}: {reason}")
         self.world = world
         self.tracer: Tracer | None = registry.create("tracer", tracer) if tracer else None
-        needs = {"tracer": self.tracer} if self.tracer else {}
-        self.producer: GBufferProducer = registry.create("gbuffer", kind, **needs)
+        dependencies = {"tracer": self.tracer, "workers": Workers(1)} if self.tracer else {}
+        self.producer: GBufferProducer = registry.create("gbuffer", kind, **dependencies)
         if self.tracer:
             self.tracer.build(world)
         self.producer.build(world)

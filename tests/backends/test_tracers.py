@@ -9,6 +9,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import needs
 import numpy as np
 import pytest
 
@@ -58,7 +59,7 @@ def make_tracer(name: str) -> Tracer:
     """A tracer by its name in TRACERS, or a skip that says what is missing."""
     reason = open3d_reason() if name == "open3d" else embree_reason() if name.startswith("embree") else None
     if reason:
-        pytest.skip(reason)
+        needs.absent(reason)
     if name == "open3d":
         from phrt_backends.tracers.open3d_scene import Open3dTracer
 
@@ -479,7 +480,7 @@ def test_a_tracer_can_be_built_again(tracer: Tracer) -> None:
 
 def load_meshes(path: Path) -> list[tuple[np.ndarray, np.ndarray]]:
     """Every mesh of a file in world space, read by trimesh."""
-    trimesh = pytest.importorskip("trimesh")
+    trimesh = needs.package("trimesh")
     scene = trimesh.load_scene(path, process=False)
     meshes = []
     for node in scene.graph.nodes_geometry:

@@ -7,12 +7,12 @@ FOLDER` writes what is rendered now into FOLDER, to be looked at before it becom
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import needs
 import numpy as np
 import pytest
 from PIL import Image
@@ -89,7 +89,7 @@ def reference(name: str) -> np.ndarray:
 def test_a_khronos_model_looks_as_its_readme_says(name: str, gbuffer: str, assets: Path, tmp_path: Path) -> None:
     reason = get_registry().find("gbuffer", gbuffer).unavailable_reason()
     if reason:
-        pytest.skip(reason)
+        needs.absent(reason)
     model, towards = PICTURES[name]
     image = picture(load(assets, model), towards, gbuffer)
     Image.fromarray(image).save(tmp_path / f"{name}_{gbuffer}.png")
@@ -191,7 +191,6 @@ def test_winding_that_does_not_turn_with_a_negative_scale_fails(assets: Path, mo
 
 
 if __name__ == "__main__":
-    root = Path(os.environ.get("PHRT_ASSETS", REFERENCES.parents[1].parent / "shared" / "scenes"))
     for picture_name, (model_name, seen_from) in PICTURES.items():
-        pixels = picture(load(root, model_name), seen_from, "raycast")
+        pixels = picture(load(needs.ASSETS, model_name), seen_from, "raycast")
         Image.fromarray(pixels).save(Path(sys.argv[1]) / f"{picture_name}.png")

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import needs
 import numpy as np
 import pytest
 from scene_kit import GLASS, LAMBERT, MIRROR, Stage, at, ball, box, flipped, psnr, render, turned, write_evidence
@@ -18,7 +19,7 @@ from phrt.model import Material, Mesh
 from phrt.registry.manager import get_registry
 from phrt.scene import Scene
 
-mitsuba = pytest.importorskip("mitsuba", reason="the independent reference renderer is in the extra 'test'")
+mitsuba = needs.package("mitsuba", "the independent reference renderer is in the extra 'test'")
 
 SIZE = 96
 FOV_Y = 0.8
@@ -164,7 +165,7 @@ def compared(scene: Scene, reference: np.ndarray, folder: Path, **options: Any) 
 @pytest.mark.parametrize("kind", BALLS)
 def test_all_trace_agrees_with_mitsuba(kind: str, gbuffer: str, references: References, tmp_path: Path) -> None:
     if reason := get_registry().find("gbuffer", gbuffer).unavailable_reason():
-        pytest.skip(f"{gbuffer}: {reason}")
+        needs.absent(f"{gbuffer}: {reason}")
     reached, evidence = compared(stage(kind).scene, references[kind], tmp_path / kind, gbuffer=gbuffer)
     assert reached >= TOLERANCE_DB, f"{reached:.1f} dB; see {evidence}"
 

@@ -17,6 +17,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+import needs
 import pytest
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -56,7 +57,7 @@ def scratch_copy(folder: Path) -> Path:
 def run(command: list[str], folder: Path) -> str:
     """What `command` prints, standard error included. Fails the test when it fails."""
     search = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
-    environment = os.environ | {"PATH": search, "PHRT_ASSETS": os.environ.get("PHRT_ASSETS", default_assets())}
+    environment = os.environ | {"PATH": search, "PHRT_ASSETS": str(needs.ASSETS)}
     done = subprocess.run(
         command,
         cwd=folder,
@@ -68,10 +69,6 @@ def run(command: list[str], folder: Path) -> str:
     )
     assert done.returncode == 0, done.stdout
     return done.stdout
-
-
-def default_assets() -> str:
-    return str(PROJECT.parent / "shared" / "scenes")
 
 
 def run_console(text: str, folder: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import needs
 import numpy as np
 import pytest
 from scene_kit import GLASS, LAMBERT, MIRROR, Stage, at, ball, floor
@@ -49,7 +50,7 @@ def moved(view: CameraView, x: float) -> CameraView:
 def test_side_views_leave_motion_alone(fallback: str, gbuffer: str) -> None:
     reason = get_registry().find("gbuffer", gbuffer).unavailable_reason()
     if reason:
-        pytest.skip(reason)
+        needs.absent(reason)
     expected = motion(gbuffer, None)
     assert np.abs(expected).max() > 1
     np.testing.assert_array_equal(motion(gbuffer, FALLBACKS[fallback]), expected)

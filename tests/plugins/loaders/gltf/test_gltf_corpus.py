@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-import os
 from pathlib import Path
 
+import needs
 import numpy as np
-import pygltflib
 import pytest
 
-PROJECT = Path(__file__).resolve().parents[4]
-ROOT = Path(os.environ.get("PHRT_ASSETS", PROJECT.parent / "shared" / "scenes"))
+pygltflib = needs.package("pygltflib", "an independent reader of glTF is in the extra 'test'")
+
+ROOT = needs.ASSETS
 FILES = sorted(
     path.relative_to(ROOT).as_posix()
     for folder in ("gltf", "cornell", "sponza")

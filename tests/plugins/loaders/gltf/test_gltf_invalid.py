@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import json
-import os
 import time
 from pathlib import Path
 
+import needs
 import numpy as np
 import pytest
 
 from phrt.errors import AssetError
 
-PROJECT = Path(__file__).resolve().parents[4]
-ROOT = Path(os.environ.get("PHRT_ASSETS", PROJECT.parent / "shared" / "scenes")) / "invalid"
+ROOT = needs.ASSETS / "invalid"
 FILES = sorted(path.relative_to(ROOT).as_posix() for kind in ("*.gltf", "*.glb") for path in ROOT.rglob(kind))
 
 # Codes of severity 0 (error) that leave no right picture: data out of bounds, missing or not a number, references to

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 
+import needs
 import numpy as np
 import pytest
 
@@ -264,7 +265,7 @@ def test_uncompressed_copy_serves_without_dracopy(build, load, monkeypatch):
 
 @pytest.mark.parametrize("data", [b"", b"DRACO", b"DRACO\x02\x02\x01\x01" + bytes(40)])
 def test_broken_draco_data(build, load, data):
-    pytest.importorskip("DracoPy", reason="DracoPy is not installed (extra: draco)")
+    needs.package("DracoPy", "DracoPy is not installed (extra: draco)")
     draco_quad(build, data)
     with pytest.raises(AssetError, match="KHR_draco_mesh_compression: cannot be decoded"):
         load(build.write())

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import resource
 import time
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
+import needs
 import numpy as np
 import pytest
 
@@ -23,7 +23,7 @@ Context = Callable[[Path, list[str]], LoadContext]
 FOLDERS = ("invalid", "cornell", "stanford", "armadillo")
 
 
-ROOT = Path(os.environ.get("PHRT_ASSETS", Path(__file__).resolve().parents[5] / "shared" / "scenes"))
+ROOT = needs.ASSETS
 
 
 def names() -> list[str]:
