@@ -183,7 +183,7 @@ class FrameTimes:
     query_rays: float = 0.0
 
     def rows(self) -> list[Row]:
-        """Rows 1 to 5 of the design's table."""
+        """Rows 1 to 5 of `docs/benchmarks.md`."""
         traced, plain = self.frames["raycast", "all_trace"], self.frames["raycast", "raster_only"]
         ratio = np.divide(self.bare, traced.stages["rays"])
         closing = np.add(traced.stages["composite"], traced.tone)

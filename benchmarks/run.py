@@ -1,10 +1,10 @@
-"""The benchmark table: rows 1 to 5, 10, 11 and 13 of the design's numbers, on this machine.
+"""The benchmark table: rows 1 to 5, 10, 11 and 13 of `docs/benchmarks.md`, on this machine.
 
-    PHRT_ASSETS=../shared/scenes ./run bench [--rows 1,4,5] [--repeats N] [--threads N] [--json FILE]
+    PHRT_ASSETS=/path/to/scenes ./run bench [--rows 1,4,5] [--repeats N] [--threads N] [--json FILE]
 
 Figures are medians over repeats that take turns, after a warm-up that compiles the kernels. With rows 1 to 5 come the
 stages of a frame and the frames of every G-buffer producer, with row 1 or 13 the bare rates of the tracers, all from
-the same run. `docs/benchmarks.md` says how each figure is defined.
+the same run. That page says how each figure is defined, and its bar.
 """
 
 from __future__ import annotations

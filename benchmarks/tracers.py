@@ -1,11 +1,11 @@
 """Bare tracer rates: M rays/s of the `embree` tracer, of embreex's own `run` and of Open3D, on the same rays.
 
-    PHRT_ASSETS=../shared/scenes .venv/bin/python benchmarks/tracers.py
+    PHRT_ASSETS=/path/to/scenes .venv/bin/python benchmarks/tracers.py
 
 Three kinds of rays, 640x360 each: primary (4x4 tiles), shadow (from the primary hits to a point light), random (closest
 hits). Two sizes: Sponza and Armadillo, and the same with Sponza's triangles split in sixteen. Contenders take turns
 within every repeat, so that a noisy moment hits them all; figures are medians over the repeats, the ratio is the
-median of the ratios within a repeat. Design: the `embree` tracer is at least 1.8 times as fast as `run` on two threads,
+median of the ratios within a repeat. The bar: the `embree` tracer is at least 1.8 times as fast as `run` on two threads,
 primary and shadow rays.
 """
 
@@ -36,7 +36,7 @@ CHUNK = 8192
 """Rays of one call on a thread of the pool."""
 
 BAR = 1.8
-"""Row 13 of the design's table: embree tracer / embreex `run`, two threads, primary and shadow rays."""
+"""Row 13 of `docs/benchmarks.md`: embree tracer / embreex `run`, two threads, primary and shadow rays."""
 
 EYE, LOOK_AT, LIGHT = (-9.0, 3.0, 0.5), (0.0, 2.0, 0.0), (1.0, 9.0, 0.5)
 KINDS = ("primary", "shadow", "random")

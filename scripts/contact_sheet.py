@@ -2,7 +2,7 @@
 
 What cannot be rendered gets a red tile with the reason, and the exit status is 1. Example::
 
-    python scripts/contact_sheet.py ../shared/scenes/gltf -o contact_sheet.png --size 320x240
+    python scripts/contact_sheet.py /path/to/scenes/gltf -o contact_sheet.png --size 320x240
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The composite kernel against a plain numpy twin of DESIGN's sum."""
+"""The composite kernel against a plain numpy twin of the sum in docs/gbuffer.md."""
 
 from __future__ import annotations
 
