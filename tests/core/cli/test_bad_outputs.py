@@ -9,6 +9,7 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+import needs
 import numpy as np
 import pytest
 from cli_kit import Outcome, phrt
@@ -19,7 +20,7 @@ SCENE = """prims:
   Cam: {type: Camera, look_at: {eye: [0, 0, 3], target: [0, 0, 0]}}
 """
 OLD = b"the old picture"
-NEEDS_AV = pytest.mark.skipif(find_spec("av") is None, reason="video needs PyAV: pip install 'phrt[video]'")
+NEEDS_AV = needs.all_need(None if find_spec("av") else "video needs PyAV: pip install 'phrt[video]'")
 SUFFIXES = [".png", ".exr", pytest.param(".mp4", marks=NEEDS_AV)]
 
 KILLED = """

@@ -6,6 +6,7 @@ import struct
 import zlib
 from pathlib import Path
 
+import needs
 import numpy as np
 import pytest
 from cli_kit import Outcome, render, render_text
@@ -367,7 +368,7 @@ def test_an_odd_scene_is_a_picture_without_nan(tmp_path: Path, name: str, way: s
     if WAYS[way][0] in ("--tracer", "--gbuffer"):
         reason = get_registry().find(WAYS[way][0].removeprefix("--"), WAYS[way][1]).unavailable_reason()
         if reason:
-            pytest.skip(reason)
+            needs.absent(reason)
     done = render_text(tmp_path, "prims:\n" + ODD[name], *WAYS[way])
     assert done.code == 0, done.said
     assert done.errors == []

@@ -6,6 +6,7 @@ import os
 import sys
 from pathlib import Path
 
+import needs
 import numpy as np
 import pytest
 
@@ -14,7 +15,7 @@ from phrt.output.video import VideoWriter
 
 
 def decode(path: Path) -> tuple[list[np.ndarray], float]:
-    av = pytest.importorskip("av")
+    av = needs.package("av")
     with av.open(str(path)) as container:
         stream = container.streams.video[0]
         frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
@@ -25,7 +26,7 @@ def decode(path: Path) -> tuple[list[np.ndarray], float]:
 
 
 def test_frames_come_back_in_order_with_their_colours(tmp_path: Path) -> None:
-    pytest.importorskip("av")
+    needs.package("av")
     colors = [(200, 40, 40), (40, 180, 60), (50, 60, 210), (128, 128, 128)]
     with VideoWriter(tmp_path / "out.mp4", (64, 48), 25) as video:
         for color in colors:
@@ -39,7 +40,7 @@ def test_frames_come_back_in_order_with_their_colours(tmp_path: Path) -> None:
 
 
 def test_an_odd_size_gets_its_edge_repeated(tmp_path: Path) -> None:
-    pytest.importorskip("av")
+    needs.package("av")
     pixels = np.full((33, 65, 3), 30, np.uint8)
     pixels[:, -1] = 220
     with VideoWriter(tmp_path / "out.mkv", (65, 33), 29.97, crf=4) as video:
@@ -51,7 +52,7 @@ def test_an_odd_size_gets_its_edge_repeated(tmp_path: Path) -> None:
 
 
 def test_an_error_between_frames_leaves_the_old_file_and_passes(tmp_path: Path) -> None:
-    pytest.importorskip("av")
+    needs.package("av")
     path = tmp_path / "out.mp4"
     path.write_bytes(b"the old one")
 
@@ -67,7 +68,7 @@ def test_an_error_between_frames_leaves_the_old_file_and_passes(tmp_path: Path) 
 
 
 def test_what_cannot_be_written_is_refused_before_the_first_frame(tmp_path: Path) -> None:
-    pytest.importorskip("av")
+    needs.package("av")
     for name, size, fps, message in (
         ("out.avi", (16, 16), 30.0, r"'\.avi' is not one of \.mp4, \.mov, \.mkv"),
         ("out.mp4", (0, 16), 30.0, "0x16"),
@@ -79,7 +80,7 @@ def test_what_cannot_be_written_is_refused_before_the_first_frame(tmp_path: Path
 
 
 def test_a_frame_of_another_size_is_refused(tmp_path: Path) -> None:
-    pytest.importorskip("av")
+    needs.package("av")
     with (
         pytest.raises(ValueError, match=r"expected uint8\(16, 32, 3\)"),
         VideoWriter(tmp_path / "out.mp4", (32, 16), 30) as video,
