@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +11,7 @@ from phrt.registry.descriptors import GBufferPlugin
 from phrt.registry.manager import RegisteredPlugin, Registry
 
 if TYPE_CHECKING:
+    from phrt.interfaces.gbuffer import GBufferProducer
     from phrt.interfaces.tracer import Tracer
     from phrt.world import World
 
@@ -66,20 +68,24 @@ def probe_tracer(registry: Registry, entry: RegisteredPlugin) -> str:
 
 def probe_gbuffer(registry: Registry, entry: RegisteredPlugin, tracer_name: str) -> str:
     """Draw one triangle; gives "" or the tracer that was used. Raises when the picture is wrong."""
+    from phrt.workers import Workers
+
     world = one_triangle()
-    dependencies: dict[str, object] = {}
-    if isinstance(entry.plugin, GBufferPlugin) and entry.plugin.needs_tracer:
-        tracer: Tracer = registry.create("tracer", tracer_name)
-        tracer.build(world)
-        dependencies["tracer"] = tracer
-    producer = registry.create("gbuffer", entry.name, None, **dependencies)
-    try:
+    with ExitStack() as closing:
+        dependencies: dict[str, object] = {}
+        if isinstance(entry.plugin, GBufferPlugin) and entry.plugin.needs_tracer:
+            tracer: Tracer = registry.create("tracer", tracer_name)
+            closing.callback(tracer.close)
+            tracer.build(world)
+            workers = Workers(1)
+            closing.callback(workers.close)
+            dependencies = {"tracer": tracer, "workers": workers}
+        producer: GBufferProducer = registry.create("gbuffer", entry.name, None, **dependencies)
+        closing.callback(producer.close)
         producer.build(world)
         picture = producer.render(world.view(PICTURE, PICTURE))
         depth = float(picture.depth[PICTURE // 2, PICTURE // 2])
         ids = picture.object_id
         if abs(depth - DISTANCE_M) > TOLERANCE_M or ids[PICTURE // 2, PICTURE // 2] != 1 or ids[0, 0] != 0:
             raise RuntimeError(f"the triangle lies at {depth} m, expected {DISTANCE_M} m, or its outline is wrong")
-    finally:
-        producer.close()
     return f"rays by {tracer_name}" if dependencies else ""

@@ -49,8 +49,10 @@ def no_device() -> Device | None:
 
 @dataclass(frozen=True)
 class GBufferPlugin(Plugin):
-    """Makes a `phrt.interfaces.gbuffer.GBufferProducer`. Factories of producers that trace take `tracer=`.
+    """Makes a `phrt.interfaces.gbuffer.GBufferProducer`.
 
+    needs_tracer: the factory also takes `tracer=`, built for the same world, and `workers=`, a `phrt.workers.Workers` to
+    run on; both stay the caller's to close.
     device: what it draws with, asked only when it is available; `auto` wants a hardware one."""
 
     needs_tracer: bool = False
@@ -84,7 +86,7 @@ class LoaderPlugin(Plugin):
 
 @dataclass(frozen=True)
 class MetricPlugin(Plugin):
-    """Makes an image metric (used by the benchmark harness)."""
+    """Makes an image metric, for the harness that compares heuristics; nothing asks for one yet."""
 
 
 @dataclass(frozen=True)

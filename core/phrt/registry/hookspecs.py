@@ -46,7 +46,7 @@ def phrt_loaders() -> list[LoaderPlugin]:  # type: ignore[empty-body]
 
 @hookspec
 def phrt_metrics() -> list[MetricPlugin]:  # type: ignore[empty-body]
-    """Image metrics."""
+    """Image metrics, for the harness that compares heuristics; nothing asks for one yet."""
 
 
 @hookspec

@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+import needs
 import numpy as np
 import pytest
 import typer
@@ -139,7 +140,7 @@ def test_layers_go_into_their_folder(capsys: pytest.CaptureFixture[str], scene: 
 
 
 def test_a_video_holds_every_frame(capsys: pytest.CaptureFixture[str], scene: str, tmp_path: Path) -> None:
-    av = pytest.importorskip("av")
+    av = needs.package("av")
     render(capsys, scene, tmp_path / "x.mp4", "--frames", "0:3")
     with av.open(str(tmp_path / "x.mp4")) as file:
         assert sum(1 for _ in file.decode(video=0)) == 3
