@@ -16,9 +16,6 @@ from __future__ import annotations
 
 import numpy as np
 
-BACKGROUND = 0
-"""Object id of pixels with no surface."""
-
 NO_PRIMITIVE = np.uint32(0xFFFFFFFF)
 """Primitive id of a ray that hit nothing."""
 

@@ -7,7 +7,6 @@ AssetError naming the place. `Document` adds glTF's references between arrays ("
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable
 from typing import Any, NoReturn
 
@@ -256,7 +255,3 @@ class Document:
         if index >= count:
             fail(where, f"points at {target}[{index}], but there are {count} {target}")
         return index
-
-
-def is_finite(values: tuple[float, ...]) -> bool:
-    return all(math.isfinite(value) for value in values)
