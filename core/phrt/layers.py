@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from phrt.candidates import WorkItems
+from phrt.faults import Faults
 from phrt.frame import MASK_FALLBACK, MASK_FILLED, MASK_NONE, MASK_TRACED, Decisions, Frame
 from phrt.interfaces.effect import RayEffect
 from phrt.interfaces.heuristic import PASSES
@@ -27,24 +28,24 @@ class LayerSet:
 
 
 def apply_fallbacks(
-    frame: Frame, effects: list[RayEffect], work: WorkItems, decisions: Decisions, layers: LayerSet
+    frame: Frame, effects: list[RayEffect], work: WorkItems, decisions: Decisions, layers: LayerSet, faults: Faults
 ) -> None:
     """Partly traced items have their gaps filled; what is still missing, and what was not traced, takes the fallback."""
     for index, effect in enumerate(effects):
         mine = work.candidates.effect == index
         untraced = merged(work, np.flatnonzero(mine & (decisions.passes == 0)))
         partial = merged(work, np.flatnonzero(mine & (decisions.passes > 0) & (decisions.passes < PASSES)))
-        missing = _fill(frame, effect, _concerned(frame, effect, partial), layers)
-        left = [*_concerned(frame, effect, untraced), *missing]
+        missing = _fill(frame, effect, _concerned(frame, effect, partial, faults), layers)
+        left = [*_concerned(frame, effect, untraced, faults), *missing]
         if left:
-            _fall_back(frame, effect, np.ascontiguousarray(np.concatenate(left)), layers)
+            _fall_back(frame, effect, np.ascontiguousarray(np.concatenate(left)), layers, faults)
 
 
-def _concerned(frame: Frame, effect: RayEffect, runs: list[np.ndarray]) -> list[np.ndarray]:
+def _concerned(frame: Frame, effect: RayEffect, runs: list[np.ndarray], faults: Faults) -> list[np.ndarray]:
     """The pixels of `runs` at which the effect would give a value."""
     kept = []
     for pixels in runs:
-        applies = effect.applies_at(frame, pixels)
+        applies = faults.applies_at(effect, frame, pixels)
         kept.append(pixels if applies is None else pixels[applies])
     return [pixels for pixels in kept if len(pixels)]
 
@@ -64,11 +65,11 @@ def _fill(frame: Frame, effect: RayEffect, runs: list[np.ndarray], layers: Layer
     return [left for left in frame.workers.map(fill, pieces) if len(left)]
 
 
-def _fall_back(frame: Frame, effect: RayEffect, pixels: np.ndarray, layers: LayerSet) -> None:
+def _fall_back(frame: Frame, effect: RayEffect, pixels: np.ndarray, layers: LayerSet, faults: Faults) -> None:
     """The effect's fallback at `pixels`; also over what an effect traced there before it was switched off."""
     name = effect.writes.name
     layer, mask = layers.arrays[name], layers.masks[name]
-    values, code = effect.fallback(frame, pixels), MASK_FALLBACK
+    values, code = faults.fallback(effect, frame, pixels), MASK_FALLBACK
     if values is None:
         if not mask[pixels].any():
             return

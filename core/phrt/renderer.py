@@ -16,6 +16,7 @@ from phrt.candidates import EffectScope, find_work
 from phrt.channels import CHANNELS, GBuffer
 from phrt.composite import all_rows, compose, light_surfaces
 from phrt.errors import OptionError
+from phrt.faults import Faults
 from phrt.frame import Decisions, Frame, FrameResult
 from phrt.interfaces.effect import RayEffect
 from phrt.interfaces.gbuffer import GBufferProducer
@@ -107,7 +108,8 @@ class Renderer:
         self.producer: GBufferProducer = registry.create("gbuffer", self.gbuffer_name, **dependencies)
         self.producer.build(self.world)
         self._scopes = [EffectScope.of(effect, self.world) for effect in self.effects]
-        self._scheduler = BudgetScheduler(strict=strict)
+        self._faults = Faults(strict=strict)
+        self._scheduler = BudgetScheduler(self._faults)
         self._buffers = BufferPool()
         self._fallbacks_ready = False
         self._index = 0
@@ -226,9 +228,9 @@ class Renderer:
         if (decisions.passes < PASSES).any():
             if not self._fallbacks_ready:
                 for effect in self.effects:
-                    effect.prepare_fallback(frame)
+                    self._faults.prepare_fallback(effect, frame)
                 self._fallbacks_ready = True
-            apply_fallbacks(frame, self.effects, work, decisions, layers)
+            apply_fallbacks(frame, self.effects, work, decisions, layers, self._faults)
         stages.done("fallbacks")
         image = self._buffers.take((count, 3))
         exposure = view.exposure * self.scene.settings.exposure

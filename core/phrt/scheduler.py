@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import time
-import warnings
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
 
 from phrt.candidates import WorkItems
-from phrt.errors import PhrtWarning
+from phrt.errors import PluginError
+from phrt.faults import BlamedHeuristic, Faults
 from phrt.frame import MASK_TRACED, Decisions, Frame
-from phrt.interfaces.effect import EffectResult, RayEffect
-from phrt.interfaces.heuristic import FrameContext, Heuristic, Request
+from phrt.interfaces.effect import RayEffect
+from phrt.interfaces.heuristic import FrameContext, Heuristic
 from phrt.kernels.layers import scatter
 from phrt.layers import LayerSet
 from phrt.ledger import Ledger, Part, pixel_runs
@@ -50,13 +50,12 @@ class Scheduler(ABC):
 class BudgetScheduler(Scheduler):
     """Waves of work items. Without a budget one wave takes everything the heuristic wants, batched by effect.
 
-    An effect that raises is switched off for the rest of the run with one warning that names it; its pixels take the
-    fallback, and the frame goes on. With `strict` it raises.
+    An effect that fails traces nothing from then on, and the frame goes on (`Faults`). A heuristic that fails ends it with
+    a PluginError: without one, nobody knows what is wanted.
     """
 
-    def __init__(self, *, strict: bool = False) -> None:
-        self._strict = strict
-        self._broken: set[str] = set()
+    def __init__(self, faults: Faults | None = None) -> None:
+        self._faults = faults or Faults()
 
     def run(
         self,
@@ -68,26 +67,26 @@ class BudgetScheduler(Scheduler):
         layers: LayerSet,
     ) -> Decisions:
         ledger = Ledger(work)
-        heuristic.begin_frame(work.candidates, context)
-        while wave := self._ask(heuristic, ledger, context.budget):
+        asked = BlamedHeuristic(heuristic)
+        asked.begin_frame(work.candidates, context)
+        while wave := self._ask(asked, ledger, context.budget):
             self._trace(frame, effects, work, wave, layers, ledger)
             for part in wave:
-                heuristic.report(part.item, ledger.outcome(part))
-        heuristic.end_frame()
+                asked.report(part.item, ledger.outcome(part))
+        asked.end_frame()
         for index, effect in enumerate(effects):
-            if effect.name in self._broken:
+            if self._faults.is_off(effect):
                 ledger.passes[work.candidates.effect == index] = 0
         return ledger.decisions()
 
-    def _ask(self, heuristic: Heuristic, ledger: Ledger, remaining: float) -> list[Part]:
+    def _ask(self, heuristic: BlamedHeuristic, ledger: Ledger, remaining: float) -> list[Part]:
         """The next wave: parts of items in the order the heuristic named them."""
         wave: list[Part] = []
-        while (answer := heuristic.next(remaining)) is not None:
-            request = answer if isinstance(answer, Request) else Request(answer)
+        while (request := heuristic.next(remaining)) is not None:
             part = ledger.accept(request)
             if part is None:
-                raise ValueError(
-                    f"heuristic {type(heuristic).__name__} returned item {request.item}: "
+                raise PluginError(
+                    f"heuristic {heuristic.name} returned item {request.item}: "
                     f"not one of {len(ledger.passes)}, or twice"
                 )
             wave.append(part)
@@ -112,7 +111,7 @@ class BudgetScheduler(Scheduler):
             by_effect.setdefault(int(work.candidates.effect[part.item]), []).append(part)
         tasks: list[Task] = []
         for index in sorted(by_effect, key=lambda e: -estimates[e]):
-            if effects[index].name not in self._broken:
+            if not self._faults.is_off(effects[index]):
                 size = max(int(CHUNK_RAYS / estimates[index]), 256)
                 for run in pixel_runs(work, by_effect[index], frame.view.width):
                     tasks += [Task(index, run[piece]) for piece in chunks(len(run), size)]
@@ -131,30 +130,10 @@ class BudgetScheduler(Scheduler):
             layers.rays[name] = layers.rays.get(name, 0) + int(totals[index, 0])
 
     def _trace_task(self, frame: Frame, effect: RayEffect, pixels: np.ndarray, layers: LayerSet) -> int:
-        if effect.name in self._broken:
-            return 0
-        try:
-            result = effect.trace(frame, pixels)
-            self._check(effect, frame, result, len(pixels))
-        except Exception as error:
-            if self._strict:
-                raise
-            if effect.name not in self._broken:
-                self._broken.add(effect.name)
-                warnings.warn(
-                    f"effect '{effect.name}' failed and is switched off, its pixels take the fallback: "
-                    f"{type(error).__name__}: {error}",
-                    PhrtWarning,
-                    stacklevel=2,
-                )
+        result = self._faults.trace(effect, frame, pixels)
+        if result is None:
             return 0
         traced = np.ones(len(pixels), np.uint8) if result.traced is None else result.traced
         name = effect.writes.name
         scatter(pixels, result.values, traced, np.uint8(MASK_TRACED), layers.arrays[name], layers.masks[name])
         return result.rays
-
-    @staticmethod
-    def _check(effect: RayEffect, frame: Frame, result: EffectResult, count: int) -> None:
-        expected = (count, effect.writes.width(frame.world))
-        if result.values.shape != expected or result.values.dtype != np.float32:
-            raise ValueError(f"returned {result.values.dtype}{result.values.shape}, its layer needs float32{expected}")

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from phrt.candidates import WorkItems
-from phrt.errors import PhrtWarning
+from phrt.errors import PhrtWarning, PluginError
+from phrt.faults import Faults
 from phrt.frame import MASK_FALLBACK, MASK_FILLED, MASK_TRACED
 from phrt.interfaces.effect import EffectResult, LayerSpec, RayEffect
 from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic, Outcome, Request
@@ -70,6 +71,30 @@ class WrongType(Painter):
         return EffectResult(np.zeros((len(pixels), 1), np.float64), 0)
 
 
+class WrongTraced(Painter):
+    def trace(self, frame: Any, pixels: np.ndarray) -> EffectResult:
+        return EffectResult(np.zeros((len(pixels), 1), np.float32), 0, np.ones(1, np.uint8))
+
+
+class NoFallback(Painter):
+    def fallback(self, frame: Any, pixels: np.ndarray) -> np.ndarray | None:
+        raise RuntimeError("the map is torn")
+
+
+class WrongFallback(Painter):
+    def fallback(self, frame: Any, pixels: np.ndarray) -> np.ndarray | None:
+        return np.zeros((1, 1), np.float32)
+
+
+class WrongAt(Painter):
+    def applies_at(self, frame: Any, pixels: np.ndarray) -> np.ndarray | None:
+        return np.ones(len(pixels), np.int32)
+
+
+class NothingWorks(Raising, NoFallback):
+    pass
+
+
 class Picks(Heuristic):
     """Asks for a fixed list of items; None in the list ends a wave."""
 
@@ -109,7 +134,7 @@ def work_items() -> WorkItems:
     return WorkItems(candidates, [pixels, pixels[300:]], np.array([*first, 0, 200]))
 
 
-def run(effects: list[Painter], heuristic: Heuristic, scheduler: BudgetScheduler | None = None) -> tuple[Any, LayerSet]:
+def run(effects: list[Painter], heuristic: Heuristic, faults: Faults | None = None) -> tuple[Any, LayerSet]:
     layers = LayerSet({}, {})
     for effect in effects:
         layers.arrays[effect.writes.name] = np.full((600, 1), effect.writes.clear, np.float32)
@@ -122,8 +147,9 @@ def run(effects: list[Painter], heuristic: Heuristic, scheduler: BudgetScheduler
     )
     context = FrameContext(frame.world, 0, 0.0, float("inf"))
     work = work_items()
-    decisions = (scheduler or BudgetScheduler()).run(frame, effects, work, heuristic, context, layers)  # type: ignore[arg-type]
-    apply_fallbacks(frame, effects, work, decisions, layers)  # type: ignore[arg-type]
+    faults = faults or Faults()
+    decisions = BudgetScheduler(faults).run(frame, effects, work, heuristic, context, layers)  # type: ignore[arg-type]
+    apply_fallbacks(frame, effects, work, decisions, layers, faults)  # type: ignore[arg-type]
     frame.workers.close()
     return decisions, layers
 
@@ -175,7 +201,7 @@ def test_a_heuristic_that_wants_nothing_leaves_every_fallback() -> None:
 
 @pytest.mark.parametrize("items", [[0, 0], [5], [-1], [2, None, 2]])
 def test_an_item_twice_or_out_of_range_is_the_heuristics_fault(items: list[int | None]) -> None:
-    with pytest.raises(ValueError, match=r"heuristic Picks returned item -?\d: not one of 5, or twice"):
+    with pytest.raises(PluginError, match=r"heuristic Picks returned item -?\d: not one of 5, or twice"):
         run(painters(), Picks(items))
 
 
@@ -185,21 +211,22 @@ def test_an_item_twice_or_out_of_range_is_the_heuristics_fault(items: list[int |
         (Raising, "RuntimeError: the cable came off"),
         (WrongShape, r"ValueError: returned float32\(\d+, 3\), its layer needs float32\(\d+, 1\)"),
         (WrongType, r"ValueError: returned float64\(\d+, 1\), its layer needs float32\(\d+, 1\)"),
+        (WrongTraced, r"ValueError: returned traced as uint8\(1,\), expected uint8\(\d+,\)"),
     ],
 )
 def test_a_broken_effect_is_switched_off_with_one_warning_and_the_frame_goes_on(
     broken: type[Painter], reason: str
 ) -> None:
-    effects, scheduler = [broken("one", fallback=7.0), Painter("two")], BudgetScheduler()
+    effects, faults = [broken("one", fallback=7.0), Painter("two")], Faults()
     match = f"effect 'one' failed and is switched off, its pixels take the fallback: {reason}"
     with pytest.warns(PhrtWarning, match=match) as caught:
-        decisions, layers = run(effects, Picks([0, 1, 2, 3, 4]), scheduler)
+        decisions, layers = run(effects, Picks([0, 1, 2, 3, 4]), faults)
     assert len(caught) == 1
     assert decisions.chosen.tolist() == [False, False, False, True, True]
     assert np.all(layers.arrays["one_layer"] == 7)
     np.testing.assert_array_equal(layers.arrays["two_layer"][300:, 0], np.arange(300, 600))
     # For the rest of the run it stays off, without another word (a warning would be an error here).
-    decisions, layers = run(effects, Picks([0, 1, 2, 3, 4]), scheduler)
+    decisions, layers = run(effects, Picks([0, 1, 2, 3, 4]), faults)
     assert decisions.chosen.tolist() == [False, False, False, True, True]
     assert np.all(layers.arrays["one_layer"] == 7)
 
@@ -212,9 +239,83 @@ def test_what_a_broken_effect_traced_before_it_broke_is_not_shown(fallback: floa
     assert np.all(layers.masks["one_layer"] == (MASK_FALLBACK if fallback else 0))
 
 
+@pytest.mark.parametrize(
+    ("broken", "reason"),
+    [
+        (NoFallback, "RuntimeError: the map is torn"),
+        (WrongFallback, r"ValueError: returned float32\(1, 1\), its layer needs float32\(300, 1\)"),
+        (WrongAt, r"ValueError: applies_at returned int32\(300,\), expected bool\(300,\)"),
+    ],
+)
+def test_an_effect_whose_fallback_fails_is_switched_off_and_its_pixels_are_clear(
+    broken: type[Painter], reason: str
+) -> None:
+    effects, faults = [broken("one"), Painter("two")], Faults()
+    effects[0].writes = LayerSpec("one_layer", 1, 0.5, "")
+    match = f"effect 'one' failed and is switched off, its pixels take the layer's clear value 0.5: {reason}"
+    with pytest.warns(PhrtWarning, match=match) as caught:
+        decisions, layers = run(effects, Picks([1, 2, 3, 4]), faults)
+    assert len(caught) == 1
+    assert decisions.chosen.tolist() == [False, True, True, True, True]
+    assert np.all(layers.arrays["one_layer"][:300] == 0.5)
+    np.testing.assert_array_equal(layers.arrays["one_layer"][300:, 0], np.arange(300, 600))
+    # From the next frame on it is off, without another word (a warning would be an error here).
+    decisions, layers = run(effects, Picks([1, 2, 3, 4]), faults)
+    assert decisions.chosen.tolist() == [False, False, False, True, True]
+    assert np.all(layers.arrays["one_layer"] == 0.5)
+
+
+def test_an_effect_that_fails_in_everything_is_told_once_for_each() -> None:
+    effects, faults = [NothingWorks("one"), Painter("two")], Faults()
+    with pytest.warns(PhrtWarning) as caught:
+        run(effects, Picks([0, 3]), faults)
+    _, layers = run(effects, Picks([0, 3]), faults)
+    assert [str(warning.message).rpartition(": ")[2] for warning in caught] == ["the cable came off", "the map is torn"]
+    assert not layers.arrays["one_layer"].any()
+
+
+def test_preparing_a_fallback_that_fails_leaves_the_clear_value() -> None:
+    class Unprepared(Painter):
+        def prepare_fallback(self, frame: Any) -> None:
+            raise MemoryError("no room for the map")
+
+    effects, faults = [Unprepared("one", fallback=7.0), Painter("two")], Faults()
+    with pytest.warns(PhrtWarning, match="clear value 0: MemoryError: no room for the map") as caught:
+        faults.prepare_fallback(effects[0], None)  # type: ignore[arg-type]
+    faults.prepare_fallback(effects[0], None)  # type: ignore[arg-type]
+    assert len(caught) == 1
+    _, layers = run(effects, Picks([0]), faults)
+    assert not layers.arrays["one_layer"].any()
+
+
+class Failing(Picks):
+    """Raises in one of its calls."""
+
+    def __init__(self, call: str) -> None:
+        super().__init__([0])
+
+        def fail(*_: Any) -> Any:
+            raise KeyError("lost")
+
+        setattr(self, call, fail)
+
+
+@pytest.mark.parametrize("call", ["begin_frame", "next", "report", "end_frame"])
+def test_a_heuristic_that_raises_is_named_with_the_call_and_the_cause(call: str) -> None:
+    with pytest.raises(PluginError, match=rf"heuristic Failing failed in {call}\(\): KeyError: 'lost'") as caught:
+        run(painters(), Failing(call))
+    assert isinstance(caught.value.__cause__, KeyError)
+
+
+@pytest.mark.parametrize("answer", ["first", 1.0, Request(0.5), Request(0, "all")])  # type: ignore[arg-type]
+def test_an_answer_that_is_no_item_is_the_heuristics_fault(answer: Any) -> None:
+    with pytest.raises(PluginError, match=r"heuristic Picks returned .* from next\(\): expected an item's number"):
+        run(painters(), Picks([answer]))
+
+
 def test_strict_lets_an_effects_error_through() -> None:
     with pytest.raises(RuntimeError, match="the cable came off"):
-        run([Raising("one"), Painter("two")], Picks([0]), BudgetScheduler(strict=True))
+        run([Raising("one"), Painter("two")], Picks([0]), Faults(strict=True))
 
 
 def test_items_that_lie_next_to_each_other_become_one_run() -> None:
@@ -248,5 +349,5 @@ def test_the_passes_of_an_item_make_the_whole_item_without_repeats() -> None:
     np.testing.assert_array_equal(layers.arrays["one_layer"][:300, 0], np.arange(300))
     assert decisions.rays[0] == 600
     assert heuristic.outcomes[0].complete
-    with pytest.raises(ValueError, match="or twice"):
+    with pytest.raises(PluginError, match="or twice"):
         run(painters(), Picks([0, Request(0, 1)]))

@@ -1,0 +1,151 @@
+"""Where plugins' faults end: an effect that raises is switched off, a heuristic that raises is named."""
+
+from __future__ import annotations
+
+import operator
+import threading
+import warnings
+from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
+
+from phrt.errors import PhrtWarning, PluginError
+from phrt.frame import Frame
+from phrt.interfaces.effect import EffectResult, RayEffect
+from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic, Outcome, Request
+
+R = TypeVar("R")
+
+
+class Faults:
+    """Calls effects, and keeps which of them failed. Thread-safe.
+
+    An effect that raises, or returns what does not fit its layer, is switched off for the rest of the run with one warning
+    that names it: it traces nothing more, and its pixels take its fallback. Where the fallback fails they take the layer's
+    clear value; this, too, is told once. With `strict` the error is raised.
+    """
+
+    def __init__(self, *, strict: bool = False) -> None:
+        self._strict = strict
+        self._off: set[str] = set()
+        self._without_fallback: set[str] = set()
+        self._lock = threading.Lock()
+
+    def is_off(self, effect: RayEffect) -> bool:
+        """Did the effect fail? Then it is not traced any more."""
+        return effect.name in self._off
+
+    def trace(self, effect: RayEffect, frame: Frame, pixels: np.ndarray) -> EffectResult | None:
+        """What `effect.trace` gives at `pixels`; None when it failed, now or before."""
+        if self.is_off(effect):
+            return None
+        try:
+            result = effect.trace(frame, pixels)
+            _check_values(effect, frame, result.values, len(pixels))
+            _check_traced(result.traced, len(pixels))
+        except Exception as error:
+            with self._lock:
+                first = not self.is_off(effect)
+                self._off.add(effect.name)
+            self._tell(effect, "its pixels take the fallback", error, first)
+            return None
+        return result
+
+    def prepare_fallback(self, effect: RayEffect, frame: Frame) -> None:
+        """`effect.prepare_fallback`; one that fails leaves the effect without a fallback."""
+        if effect.name not in self._without_fallback:
+            try:
+                effect.prepare_fallback(frame)
+            except Exception as error:
+                self._lose_fallback(effect, error)
+
+    def fallback(self, effect: RayEffect, frame: Frame, pixels: np.ndarray) -> np.ndarray | None:
+        """What `effect.fallback` gives at `pixels`; None, which stands for the layer's clear value, when it failed."""
+        if effect.name in self._without_fallback:
+            return None
+        try:
+            values = effect.fallback(frame, pixels)
+            if values is not None:
+                _check_values(effect, frame, values, len(pixels))
+        except Exception as error:
+            self._lose_fallback(effect, error)
+            return None
+        return values
+
+    def applies_at(self, effect: RayEffect, frame: Frame, pixels: np.ndarray) -> np.ndarray | None:
+        """What `effect.applies_at` gives; None, which stands for every pixel, when it failed, and then there is no fallback."""
+        if effect.name in self._without_fallback:
+            return None
+        try:
+            applies = effect.applies_at(frame, pixels)
+            if applies is not None and (applies.shape != pixels.shape or applies.dtype != np.bool_):
+                raise ValueError(f"applies_at returned {applies.dtype}{applies.shape}, expected bool{pixels.shape}")
+        except Exception as error:
+            self._lose_fallback(effect, error)
+            return None
+        return applies
+
+    def _lose_fallback(self, effect: RayEffect, error: Exception) -> None:
+        with self._lock:
+            first = effect.name not in self._without_fallback
+            self._without_fallback.add(effect.name)
+            self._off.add(effect.name)
+        self._tell(effect, f"its pixels take the layer's clear value {effect.writes.clear:g}", error, first)
+
+    def _tell(self, effect: RayEffect, instead: str, error: Exception, first: bool) -> None:
+        if self._strict:
+            raise error
+        if first:
+            warnings.warn(
+                f"effect '{effect.name}' failed and is switched off, {instead}: {type(error).__name__}: {error}",
+                PhrtWarning,
+                stacklevel=3,
+            )
+
+
+def _check_values(effect: RayEffect, frame: Frame, values: np.ndarray, count: int) -> None:
+    expected = (count, effect.writes.width(frame.world))
+    if values.shape != expected or values.dtype != np.float32:
+        raise ValueError(f"returned {values.dtype}{values.shape}, its layer needs float32{expected}")
+
+
+def _check_traced(traced: np.ndarray | None, count: int) -> None:
+    if traced is not None and (traced.shape != (count,) or traced.dtype != np.uint8):
+        raise ValueError(f"returned traced as {traced.dtype}{traced.shape}, expected uint8{(count,)}")
+
+
+class BlamedHeuristic(Heuristic):
+    """A heuristic whose faults are told as its own: whatever it raises, or an answer that is no item, is a PluginError
+    that names it and the call. Its answers are always a `Request` or None."""
+
+    def __init__(self, heuristic: Heuristic) -> None:
+        self._heuristic = heuristic
+        self.name = type(heuristic).__name__
+
+    def begin_frame(self, candidates: Candidates, context: FrameContext) -> None:
+        self._blamed("begin_frame", lambda: self._heuristic.begin_frame(candidates, context))
+
+    def next(self, remaining: float) -> Request | None:
+        answer = self._blamed("next", lambda: self._heuristic.next(remaining))
+        if answer is None:
+            return None
+        request = answer if isinstance(answer, Request) else Request(answer)
+        try:
+            return Request(operator.index(request.item), operator.index(request.passes))
+        except TypeError:
+            raise PluginError(
+                f"heuristic {self.name} returned {answer!r} from next(): expected an item's number, a Request or None"
+            ) from None
+
+    def report(self, item: int, outcome: Outcome) -> None:
+        self._blamed("report", lambda: self._heuristic.report(item, outcome))
+
+    def end_frame(self) -> None:
+        self._blamed("end_frame", self._heuristic.end_frame)
+
+    def _blamed(self, call: str, function: Callable[[], R]) -> R:
+        try:
+            return function()
+        except Exception as error:
+            raise PluginError(f"heuristic {self.name} failed in {call}(): {type(error).__name__}: {error}") from error
