@@ -40,7 +40,7 @@ def fill_gaps(pixels, object_id, mask, width, height, traced_code, filled_code, 
     """Pixels of partly traced items take the mean of the nearest traced pixels of their object, in growing rings up to 2.
 
     pixels (n,) are the item's; those whose mask is not `traced_code` and that find a neighbour get `filled_code`.
-    Returns how many found none. (DESIGN: a partial item is a coarser effect, not stripes.)
+    Returns how many found none. A partial item is a coarser effect, not stripes.
     """
     missing = 0
     components = layer.shape[1]
