@@ -412,6 +412,8 @@ WHITES = {
     "thin_glass": replace(GLASS, thickness=0.0),
     "plastic": Material(roughness=0.4),
     "lacquer": Material(roughness=0.0),
+    "half_metal": Material(metallic=0.5, roughness=0.5),
+    "half_mirror": Material(metallic=0.5, roughness=0.0),
     "blended": Material(base_color=(1, 1, 1, 0.5), alpha_mode="BLEND"),
 }
 

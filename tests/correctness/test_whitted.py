@@ -109,9 +109,9 @@ class Oracle:
             return color
         thick = m.transmission > 0 and m.thickness > 0
         eta = m.ior if entering or not thick else 1 / m.ior
-        f = reflectance(m, color, np.clip(-(d @ n), 1e-3, 1), eta)
+        f, dielectric = reflectance(m, color, np.clip(-(d @ n), 1e-3, 1), eta)
         body = (1 - m.metallic) * (1 - m.transmission) * color
-        total = emitted + self.direct(m, color, point, d, n, off) + (1 - f) * body * self.dome
+        total = emitted + self.direct(m, color, point, d, n, off) + (1 - dielectric) * body * self.dome
 
         mirror = d - 2 * (d @ n) * n
         mirror = mirror - 2 * min(mirror @ g, 0) * g
@@ -129,7 +129,7 @@ class Oracle:
                     return total
                 onward = d / eta + (cosine / eta - np.sqrt(square)) * n
                 inside = m if entering else None
-            passing = (1 - f) * m.transmission * (1 - m.metallic) * color
+            passing = (1 - dielectric) * m.transmission * (1 - m.metallic) * color
             total = total + passing * (self.radiance(point - off, onward, left - 1, inside) if left > 0 else self.dome)
         return total
 
@@ -145,7 +145,9 @@ class Oracle:
             f0 = ((m.ior - 1) / (m.ior + 1)) ** 2 * m.specular * (1 - m.metallic) + color * m.metallic
             f90 = m.specular * (1 - m.metallic) + m.metallic
             f = f0 + (f90 - f0) * (1 - max(-(d @ half), 0)) ** 5
-            lambert = (1 - f) * (1 - m.metallic) * (1 - m.transmission) * color / np.pi
+            plain = ((m.ior - 1) / (m.ior + 1)) ** 2 * m.specular
+            plain += (m.specular - plain) * (1 - max(-(d @ half), 0)) ** 5
+            lambert = (1 - plain) * (1 - m.metallic) * (1 - m.transmission) * color / np.pi
             arriving = np.array(light.color) * light.intensity * max(n @ to_light, 0) / distance**2
             if lambert.any() and arriving.any():
                 reach = np.linalg.norm(place - point - off) * 0.9999
@@ -154,21 +156,22 @@ class Oracle:
         return total
 
 
-def reflectance(m: Material, color: np.ndarray, cosine: float, eta: float) -> np.ndarray:
-    """(3,): exactly for glass, else Schlick's curve towards 1 - roughness."""
+def reflectance(m: Material, color: np.ndarray, cosine: float, eta: float) -> tuple[np.ndarray, float]:
+    """(3,), and the dielectric's own: exactly for glass, else Schlick's curve towards 1 - roughness."""
     if m.transmission > 0 and m.metallic == 0:
         square = 1 - (1 - cosine**2) / eta**2
         if square <= 0:
-            return np.full(3, m.specular)
+            return np.full(3, m.specular), m.specular
         behind = np.sqrt(square)
         s = (cosine - eta * behind) / (cosine + eta * behind)
         p = (eta * cosine - behind) / (eta * cosine + behind)
-        return np.full(3, (s**2 + p**2) / 2 * m.specular)
+        exact = (s**2 + p**2) / 2 * m.specular
+        return np.full(3, exact), exact
     schlick, smooth = (1 - cosine) ** 5, 1 - m.roughness
     f0 = ((m.ior - 1) / (m.ior + 1)) ** 2 * m.specular
     plain = f0 + (max(smooth * m.specular, f0) - f0) * schlick
     metal = color + (np.maximum(smooth, color) - color) * schlick
-    return plain * (1 - m.metallic) + metal * m.metallic
+    return plain * (1 - m.metallic) + metal * m.metallic, plain
 
 
 def oracle_image(made: Stage) -> np.ndarray:

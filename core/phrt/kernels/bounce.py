@@ -266,7 +266,7 @@ def shade_and_spawn(direction, distance, path_length, weight, target, medium, su
                 entering = faces_front(geometry, at_primitive_id[i], dx, dy, dz)
                 if not entering:
                     eta = f32(1.0) / material.ior
-            fr, fg, fb = reflectance(material, metallic, roughness, through, red, green, blue, n_v, eta)
+            fr, fg, fb, plain = reflectance(material, metallic, roughness, through, red, green, blue, n_v, eta)
             for k in range(lights):
                 v = visibility[i, k]
                 sum_r += direct[i, k, 0] * v
@@ -274,10 +274,10 @@ def shade_and_spawn(direction, distance, path_length, weight, target, medium, su
                 sum_b += direct[i, k, 2] * v
             ar, ag, ab = ambient_light(dome_sharp, dome_irradiance, nx, ny, nz)
             occlusion = at_occlusion[i]
-            body = (f32(1.0) - metallic) * (f32(1.0) - through) * occlusion
-            sum_r += (f32(1.0) - fr) * body * red * ar
-            sum_g += (f32(1.0) - fg) * body * green * ag
-            sum_b += (f32(1.0) - fb) * body * blue * ab
+            body = (f32(1.0) - plain) * (f32(1.0) - metallic) * (f32(1.0) - through) * occlusion
+            sum_r += body * red * ar
+            sum_g += body * green * ag
+            sum_b += body * blue * ab
 
             # The mirror direction: a ray, or the dome filtered by roughness.
             twice = f32(2.0) * d_n
@@ -305,9 +305,9 @@ def shade_and_spawn(direction, distance, path_length, weight, target, medium, su
                 sum_b += fb * b * occlusion
 
             # What passes through.
-            pass_r = wr * (f32(1.0) - fr) * through * (f32(1.0) - metallic) * red
-            pass_g = wg * (f32(1.0) - fg) * through * (f32(1.0) - metallic) * green
-            pass_b = wb * (f32(1.0) - fb) * through * (f32(1.0) - metallic) * blue
+            pass_r = wr * (f32(1.0) - plain) * through * (f32(1.0) - metallic) * red
+            pass_g = wg * (f32(1.0) - plain) * through * (f32(1.0) - metallic) * green
+            pass_b = wb * (f32(1.0) - plain) * through * (f32(1.0) - metallic) * blue
             if max(pass_r, max(pass_g, pass_b)) > threshold:
                 x, y, z, total = dx, dy, dz, False
                 inside = medium[i]

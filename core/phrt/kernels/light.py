@@ -53,8 +53,26 @@ def falloff(light, lx, ly, lz, square):
 # Rows of the block `direct_light` works in: one array, because the compiler makes vector loops only where it can tell that
 # what is written is not what is read, and it gives up telling among many arrays.
 _NX, _NY, _NZ, _VX, _VY, _VZ, _LX, _LY, _LZ = 0, 1, 2, 3, 4, 5, 6, 7, 8
-_RED, _GREEN, _BLUE, _METAL, _DIFFUSE, _ALPHA2, _SHINY, _F0, _F90, _LIT, _REACH, _PX, _PY, _PZ, _NV = range(9, 24)
-_ROWS = 24
+(
+    _RED,
+    _GREEN,
+    _BLUE,
+    _METAL,
+    _DIFFUSE,
+    _ALPHA2,
+    _SHINY,
+    _F0,
+    _F90,
+    _LIT,
+    _REACH,
+    _PX,
+    _PY,
+    _PZ,
+    _NV,
+    _PLAIN_F0,
+    _PLAIN_F90,
+) = range(9, 26)
+_ROWS = 26
 
 
 @kernel
@@ -78,8 +96,8 @@ def direct_light(start, stop, surfaces, materials, lights, view, view_is_point, 
             row = np.uint32(block + i)
             material = materials[material_id[row]]
             at[_LIT, i] = f32(0.0) if object_id[row] == 0 or material.unlit else f32(1.0)
-            at[_F0, i] = dielectric_f0(material.ior, material.specular)
-            at[_F90, i] = material.specular
+            at[_PLAIN_F0, i] = dielectric_f0(material.ior, material.specular)
+            at[_PLAIN_F90, i] = material.specular
             at[_NX, i], at[_NY, i], at[_NZ, i] = normal[row, 0], normal[row, 1], normal[row, 2]
             at[_PX, i], at[_PY, i], at[_PZ, i] = position[row, 0], position[row, 1], position[row, 2]
             at[_RED, i], at[_GREEN, i], at[_BLUE, i] = base_color[row, 0], base_color[row, 1], base_color[row, 2]
@@ -99,8 +117,8 @@ def direct_light(start, stop, surfaces, materials, lights, view, view_is_point, 
             at[_SHINY, i] = f32(0.0) if rough < MIRROR_ROUGHNESS else f32(0.5) * INV_PI
             at[_ALPHA2, i] = max(rough * rough * rough * rough, f32(1e-6))
             at[_DIFFUSE, i] = (f32(1.0) - metal) * (f32(1.0) - at[_DIFFUSE, i]) * INV_PI
-            at[_F0, i] = at[_F0, i] * (f32(1.0) - metal)
-            at[_F90, i] = at[_F90, i] * (f32(1.0) - metal) + metal
+            at[_F0, i] = at[_PLAIN_F0, i] * (f32(1.0) - metal)
+            at[_F90, i] = at[_PLAIN_F90, i] * (f32(1.0) - metal) + metal
             facing = at[_NX, i] * at[_VX, i] + at[_NY, i] * at[_VY, i] + at[_NZ, i] * at[_VZ, i]
             at[_NV, i] = max(abs(facing), f32(1e-3))
         for k in range(len(lights)):
@@ -147,10 +165,11 @@ def direct_light(start, stop, surfaces, materials, lights, view, view_is_point, 
                 fr, fg, fb = at[_F0, i] + r * metal, at[_F0, i] + g * metal, at[_F0, i] + b * metal
                 fr, fg, fb = fr + (grazing - fr) * schlick, fg + (grazing - fg) * schlick, fb + (grazing - fb) * schlick
                 arriving = at[_REACH, i] * n_l
-                diffuse = at[_DIFFUSE, i]
-                radiance[0, i] = ((f32(1.0) - fr) * diffuse * r + fr * specular) * red * arriving
-                radiance[1, i] = ((f32(1.0) - fg) * diffuse * g + fg * specular) * green * arriving
-                radiance[2, i] = ((f32(1.0) - fb) * diffuse * b + fb * specular) * blue * arriving
+                plain = at[_PLAIN_F0, i] + (at[_PLAIN_F90, i] - at[_PLAIN_F0, i]) * schlick
+                diffuse = at[_DIFFUSE, i] * (f32(1.0) - plain)
+                radiance[0, i] = (diffuse * r + fr * specular) * red * arriving
+                radiance[1, i] = (diffuse * g + fg * specular) * green * arriving
+                radiance[2, i] = (diffuse * b + fb * specular) * blue * arriving
             for i in range(size):
                 row = np.uint32(block + i)
                 out[row, k, 0], out[row, k, 1], out[row, k, 2] = radiance[0, i], radiance[1, i], radiance[2, i]

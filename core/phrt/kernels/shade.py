@@ -32,13 +32,14 @@ def fresnel_dielectric(cosine, eta):
 
 @device
 def reflectance(material, metallic, roughness, transmission, red, green, blue, n_v, eta):
-    """Share of the light from the mirror direction that reaches the eye, (r, g, b).
+    """Share of the light from the mirror direction that reaches the eye, (r, g, b), and the dielectric's share alone: what a
+    surface's body gets is the rest of that, and a metal has no body.
 
     Schlick with roughness (Lagarde 2011), which is exact at both ends and keeps a furnace white; smooth glass exactly.
     """
     if transmission > f32(0.0) and roughness <= SMOOTH_GLASS and metallic == f32(0.0):
         f = fresnel_dielectric(n_v, eta) * material.specular
-        return f, f, f
+        return f, f, f, f
     w = f32(1.0) - n_v
     w2 = w * w
     schlick = w2 * w2 * w
@@ -49,7 +50,7 @@ def reflectance(material, metallic, roughness, transmission, red, green, blue, n
     metal_g = green + (max(smooth, green) - green) * schlick
     metal_b = blue + (max(smooth, blue) - blue) * schlick
     rest = plain * (f32(1.0) - metallic)
-    return rest + metal_r * metallic, rest + metal_g * metallic, rest + metal_b * metallic
+    return rest + metal_r * metallic, rest + metal_g * metallic, rest + metal_b * metallic, plain
 
 
 @device
@@ -102,7 +103,11 @@ def composite(start, stop, pixels, surfaces, materials, camera, background, dire
     width = np.uint32(f32(1.0) / camera[4, 1] + f32(0.5))
     n_v, f0, specular, lit = (np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32),
                               np.empty(BLOCK, np.float32))  # fmt: skip
-    total, share = np.empty((3, BLOCK), np.float32), np.empty((3, BLOCK), np.float32)
+    total, share, body_share = (
+        np.empty((3, BLOCK), np.float32),
+        np.empty((3, BLOCK), np.float32),
+        np.empty(BLOCK, np.float32),
+    )
     ambient, mirrored = np.empty((3, BLOCK), np.float32), np.empty((3, BLOCK), np.float32)
     for block in range(start, stop, BLOCK):
         size = min(BLOCK, stop - block)
@@ -140,6 +145,7 @@ def composite(start, stop, pixels, surfaces, materials, camera, background, dire
             plain = f0[i] + (max(smooth * specular[i], f0[i]) - f0[i]) * schlick
             metal = metallic[row]
             rest = plain * (f32(1.0) - metal)
+            body_share[i] = f32(1.0) - plain
             r, g, b = base_color[row, 0], base_color[row, 1], base_color[row, 2]
             share[0, i] = (rest + (r + (max(smooth, r) - r) * schlick) * metal) * lit[i]
             share[1, i] = (rest + (g + (max(smooth, g) - g) * schlick) * metal) * lit[i]
@@ -150,6 +156,7 @@ def composite(start, stop, pixels, surfaces, materials, camera, background, dire
                 if transmission[row] > f32(0.0) and roughness[row] <= SMOOTH_GLASS and metallic[row] == f32(0.0):
                     f = fresnel_dielectric(n_v[i], materials[material_id[row]].ior) * specular[i] * lit[i]
                     share[0, i], share[1, i], share[2, i] = f, f, f
+                    body_share[i] = f32(1.0) - f
 
         # Emitted and direct light.
         for i in range(size):
@@ -186,7 +193,7 @@ def composite(start, stop, pixels, surfaces, materials, camera, background, dire
             r = reflection[row, 0] if held else mirrored[0, i] * occlusion
             g = reflection[row, 1] if held else mirrored[1, i] * occlusion
             b = reflection[row, 2] if held else mirrored[2, i] * occlusion
-            inside = (f32(1.0) - metallic[row]) * lit[i]
+            inside = (f32(1.0) - metallic[row]) * lit[i] * body_share[i]
             body = inside * (f32(1.0) - transmission[row]) * occlusion
             through = inside * transmission[row]
             cover = alpha[row]
@@ -195,9 +202,9 @@ def composite(start, stop, pixels, surfaces, materials, camera, background, dire
             g = total[1, i] + share[1, i] * g
             b = total[2, i] + share[2, i] * b
             behind_r, behind_g, behind_b = refraction[row, 0], refraction[row, 1], refraction[row, 2]
-            r += (f32(1.0) - share[0, i]) * red * (body * ambient[0, i] + through * behind_r)
-            g += (f32(1.0) - share[1, i]) * green * (body * ambient[1, i] + through * behind_g)
-            b += (f32(1.0) - share[2, i]) * blue * (body * ambient[2, i] + through * behind_b)
+            r += red * (body * ambient[0, i] + through * behind_r)
+            g += green * (body * ambient[1, i] + through * behind_g)
+            b += blue * (body * ambient[2, i] + through * behind_b)
             image[row, 0] = (r * cover + behind_r * (f32(1.0) - cover)) * exposure
             image[row, 1] = (g * cover + behind_g * (f32(1.0) - cover)) * exposure
             image[row, 2] = (b * cover + behind_b * (f32(1.0) - cover)) * exposure

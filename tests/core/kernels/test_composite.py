@@ -26,8 +26,8 @@ def dome(kind: str) -> EnvironmentArrays:
     return EnvironmentArrays(environment.sharp[None], environment.blurred, environment.irradiance)
 
 
-def reflectance(s: SurfaceArrays, m: np.ndarray, n_v: np.ndarray) -> np.ndarray:
-    """(n, 3): Schlick towards max(1 - roughness, F0); smooth glass by Fresnel's equations."""
+def reflectance(s: SurfaceArrays, m: np.ndarray, n_v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 3) and the dielectric's own (n, 1): Schlick towards max(1 - roughness, F0); smooth glass by Fresnel's equations."""
     smooth, schlick = (1 - s.roughness.astype(float))[:, None], ((1 - n_v) ** 5)[:, None]
     ior, specular = field(m, "ior"), field(m, "specular")
     f0 = (((ior - 1) / (ior + 1)) ** 2 * specular)[:, None]
@@ -35,7 +35,8 @@ def reflectance(s: SurfaceArrays, m: np.ndarray, n_v: np.ndarray) -> np.ndarray:
     metal = s.base_color + (np.maximum(smooth, s.base_color) - s.base_color) * schlick
     mixed = plain + (metal - plain) * s.metallic[:, None]
     glass = (s.transmission > 0) & (s.roughness <= 0.1) & (s.metallic == 0)
-    return np.where(glass[:, None], (fresnel(n_v, ior) * specular)[:, None], mixed)
+    exact = (fresnel(n_v, ior) * specular)[:, None]
+    return np.where(glass[:, None], exact, mixed), np.where(glass[:, None], exact, plain)
 
 
 def background_directions(view: CameraView) -> np.ndarray:
@@ -63,7 +64,7 @@ def composite_twin(
 ) -> np.ndarray:  # fmt: skip
     m = table[s.material_id]
     eye, normal = to_eye(view, s.position.astype(float)), s.normal.astype(float)
-    f = reflectance(s, m, np.clip(np.abs(dot(normal, eye)), 1e-3, 1))
+    f, dielectric = reflectance(s, m, np.clip(np.abs(dot(normal, eye)), 1e-3, 1))
     mirror = 2 * dot(normal, eye)[:, None] * normal - eye
     ao = layers["ambient_occlusion"].astype(float) * s.occlusion[:, None]
     reflection = np.where(
@@ -75,7 +76,7 @@ def composite_twin(
         ambient = np.broadcast_to(light_dome.sharp[0, 0, 0].astype(float), normal.shape)
     else:
         ambient = np.maximum(harmonics(normal) @ light_dome.irradiance.astype(float), 0)
-    body = (1 - f) * (1 - s.metallic[:, None]) * s.base_color
+    body = (1 - dielectric) * (1 - s.metallic[:, None]) * s.base_color
     through = s.transmission[:, None]
     lit = (direct * layers["visibility"][..., None]).sum(axis=1) + f * reflection
     lit = lit + body * (1 - through) * ambient * ao + body * through * layers["refraction"]

@@ -51,7 +51,8 @@ def direct_twin(s: SurfaceArrays, table: np.ndarray, lights: np.ndarray, eye: np
         smith = n_l * np.sqrt(n_v**2 * (1 - a2) + a2) + n_v * np.sqrt(n_l**2 * (1 - a2) + a2)
         glossy = np.where(rough < 0.02, 0, d * 0.5 / np.maximum(smith, 1e-12))
         lambert = (1 - metal) * (1 - s.transmission[:, None]) * color / np.pi
-        brdf = (1 - f) * lambert + f * glossy[:, None]
+        dielectric = plain + (field(m, "specular")[:, None] - plain) * (1 - dot(eye, half)[:, None]) ** 5
+        brdf = (1 - dielectric) * lambert + f * glossy[:, None]
         out[:, k] = brdf * light["color"] * (irradiance * n_l)[:, None]
     out[(s.object_id == 0) | (m["unlit"] != 0)] = 0
     return out
