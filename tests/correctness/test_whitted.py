@@ -142,9 +142,6 @@ class Oracle:
             distance = np.linalg.norm(to_light)
             to_light = to_light / distance
             half = (to_light - d) / np.linalg.norm(to_light - d)
-            f0 = ((m.ior - 1) / (m.ior + 1)) ** 2 * m.specular * (1 - m.metallic) + color * m.metallic
-            f90 = m.specular * (1 - m.metallic) + m.metallic
-            f = f0 + (f90 - f0) * (1 - max(-(d @ half), 0)) ** 5
             plain = ((m.ior - 1) / (m.ior + 1)) ** 2 * m.specular
             plain += (m.specular - plain) * (1 - max(-(d @ half), 0)) ** 5
             lambert = (1 - plain) * (1 - m.metallic) * (1 - m.transmission) * color / np.pi
