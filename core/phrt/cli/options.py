@@ -38,7 +38,7 @@ PluginOption = Annotated[
     typer.Option(
         "--plugin",
         metavar="MODULE_OR_FILE",
-        help="Also use this plugin: a module or a .py file. Runs its code.",
+        help="Also use this plugin: a module or a .py file. Runs its code. Repeatable.",
         callback=_add_plugins,
     ),
 ]

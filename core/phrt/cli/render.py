@@ -21,6 +21,7 @@ from phrt.cli.parsing import (
     parse_size,
 )
 from phrt.errors import OptionError
+from phrt.registry.auto import DEFAULT_HEURISTIC
 
 if TYPE_CHECKING:
     from phrt.frame import FrameResult
@@ -43,9 +44,11 @@ def render(
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="OUT", help=".png, .exr, .mp4, or a pattern as frame_%04d.png.")
     ],
-    size: Annotated[str | None, typer.Option(metavar="WxH", help="Pixels; the scene's size, or 1280x720.")] = None,
+    size: Annotated[
+        str | None, typer.Option(metavar="WxH", help="Pixels; the scene's size, or 1280x720 (in Python 640x360).")
+    ] = None,
     heuristic: Annotated[
-        str | None, typer.Option(help="Who decides what is traced; the scene's, or all_trace.")
+        str | None, typer.Option(help=f"Who decides what is traced; the scene's, or {DEFAULT_HEURISTIC}.")
     ] = None,
     budget: Annotated[str, typer.Option(help="Ray tracing a frame may take: none, for now.")] = "none",
     frames: Annotated[
@@ -53,7 +56,9 @@ def render(
     ] = None,
     time: Annotated[float | None, typer.Option(help="The moment of a single picture, seconds.")] = None,
     camera: Annotated[str, typer.Option(help="Number or path of the camera.")] = "0",
-    situation: Annotated[str | None, typer.Option(help="Which variant of the scene, as night.")] = None,
+    situation: Annotated[
+        str | None, typer.Option("--situation", "--variant", help="Which variant of the scene, as night.")
+    ] = None,
     gbuffer: Annotated[
         str, typer.Option(help="G-buffer producer; auto takes moderngl on a GPU, else raycast.")
     ] = "auto",
@@ -64,10 +69,16 @@ def render(
     exposure: Annotated[float | None, typer.Option(help="Factor on the light of the picture.")] = None,
     layers: Annotated[Path | None, typer.Option(metavar="DIR", help="Also write every layer into this folder.")] = None,
     effect: Annotated[
-        list[str] | None, typer.Option(metavar="NAME.OPTION=VALUE", help="Option of an effect, as shadows.samples=4.")
+        list[str] | None,
+        typer.Option(metavar="NAME.OPTION=VALUE", help="Option of an effect, as shadows.samples=4. Repeatable."),
     ] = None,
     define: Annotated[
-        list[str] | None, typer.Option("-D", metavar="KEY.PATH=VALUE", help="Override a value of the scene.")
+        list[str] | None,
+        typer.Option(
+            "-D",
+            metavar="/PRIM.KEY=VALUE",
+            help="Override a value of the scene, as /World/Lamp.intensity=3 or exposure=2. Repeatable.",
+        ),
     ] = None,
     plugin: PluginOption = None,
     as_json: JsonOption = False,
@@ -104,7 +115,7 @@ def render(
         Renderer(
             loaded,
             size=width_height,
-            heuristic=heuristic or settings.heuristic or "all_trace",
+            heuristic=heuristic or settings.heuristic or DEFAULT_HEURISTIC,
             budget=None,
             gbuffer=gbuffer,
             tracer=tracer,

@@ -328,9 +328,7 @@ def overridden(opinions: Opinions, overrides: Mapping[str, Value], problems: Pro
     for key, value in overrides.items():
         path, _, attribute = split_key(key, opinions)
         if path is None:
-            names = [*PRIM_TYPES["RenderSettings"].model_fields, "variant", *opinions]
-            head = key.split(".")[0]
-            problems.add(value.mark, "", f"'{head}' is neither a prim nor a render setting.{did_you_mean(head, names)}")
+            problems.add(value.mark, "", _neither(key.split(".")[0], opinions))
             continue
         if not attribute:
             problems.add(
@@ -345,6 +343,14 @@ def overridden(opinions: Opinions, overrides: Mapping[str, Value], problems: Pro
             _strengthen(opinions, path, Opinion(nested, defined=True))
         else:
             _strengthen(opinions, path, Opinion(nested, defined=False))
+
+
+def _neither(head: str, opinions: Opinions) -> str:
+    """What is wrong with an override that begins with `head`, and the prim of that name or what is spelt like it."""
+    named = [path for path in opinions if path.endswith(f"/{head}")]
+    names = [*PRIM_TYPES["RenderSettings"].model_fields, "variant", *opinions]
+    near = f" Did you mean '{named[0]}'?" if named else did_you_mean(head, names)
+    return f"'{head}' is neither a prim nor a render setting; a prim's path begins with '/'.{near}"
 
 
 SETTINGS_PATH = "/RenderSettings"

@@ -59,6 +59,7 @@ def test_a_wrong_argument_is_told_before_the_scene_is_read(
         ("x.png", ["--frames", "0:3"], "3 frames do not fit into"),
         ("x.png", ["--tone-map", "acs"], "Did you mean 'aces'?"),
         ("x.png", ["--situation", "no_such_variant"], "the variant 'no_such_variant' is not one of"),
+        ("x.png", ["--variant", "no_such_variant"], "the variant 'no_such_variant' is not one of"),
         ("x.png", ["--heuristic", "all_trac"], "Did you mean 'all_trace'?"),
         ("x.png", ["--tracer", "embre"], "Did you mean 'embree'?"),
         ("x.png", ["--gbuffer", "opengl"], "there is no gbuffer 'opengl'. Known: moderngl, raycast."),

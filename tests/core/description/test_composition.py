@@ -189,13 +189,20 @@ def test_overrides_reach_the_render_settings_that_are_there(load: Load) -> None:
         ("/Bell.radius=3", "override /Bell.radius: /Bell: over: there is no such prim. Did you mean '/Ball'?"),
         ("/Ball.radios=3", "override /Ball.radios: /Ball: unknown key 'radios'"),
         ("/Ball.radius=big", "override /Ball.radius: /Ball: radius: given 'big'; wanted a number"),
-        ("siz=3", "'siz' is neither a prim nor a render setting. Did you mean 'size'?"),
+        (
+            "siz=3",
+            "'siz' is neither a prim nor a render setting; a prim's path begins with '/'. Did you mean 'size'?",
+        ),
+        (
+            "Lamp.intensity=3",
+            "'Lamp' is neither a prim nor a render setting; a prim's path begins with '/'. Did you mean '/Ball/Lamp'?",
+        ),
         ("variant=nigt", "the variant 'nigt' is not one of: default"),
     ],
 )
 def test_wrong_overrides_are_named(load: Load, override: str, told: str) -> None:
     with pytest.raises(SceneError) as caught:
-        load(BALL, overrides=[override])
+        load(BALL + "  Ball/Lamp: {type: SphereLight}\n", overrides=[override])
     assert told in str(caught.value)
 
 
