@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
@@ -19,6 +20,9 @@ from phrt.description.seen import check_places
 from phrt.description.values import Value, value_of
 from phrt.errors import AssetError, OptionError
 from phrt.scene import Scene
+
+MOST_FRAMES = 1_000_000
+"""As of a RenderSettings prim."""
 
 Overrides = Mapping[str, Any] | Iterable[str]
 
@@ -76,7 +80,7 @@ def _described(
 def _bare_model(
     file: Path, roots: AssetRoots, overrides: Mapping[str, Any], variant: str | None, problems: Problems
 ) -> Scene:
-    """A scene of one Reference to `file`."""
+    """A scene of one Reference to `file`, as long as its animation."""
     if variant not in (None, "default"):
         raise OptionError(f"{file}: a model file has no variant '{variant}'; variants belong to scene descriptions")
     loader_name(file)
@@ -89,7 +93,15 @@ def _bare_model(
     scene = Builder(stage, roots, file, problems, propagate=True).build()
     add_camera(scene)
     add_lights(scene)
+    if "frames" not in overrides:
+        scene.settings.frames = _frames(scene)
     return scene
+
+
+def _frames(scene: Scene) -> int:
+    """How many frames show all of the scene's animation, the moment of its last keyframe included."""
+    # A duration of whole frames is rarely one in binary.
+    return 1 + math.ceil(round(min(scene.duration * scene.settings.fps, MOST_FRAMES - 1), 3))
 
 
 def _as_mapping(overrides: Overrides | None) -> dict[str, Any]:

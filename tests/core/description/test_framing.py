@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import json
 import logging
 from collections.abc import Callable
 from pathlib import Path
@@ -21,6 +23,31 @@ SLAB = (
     "\n".join(f"v {x} {y} {z}" for x in (10, 13) for y in (-4, 4) for z in (100, 100.5))
     + "\nf 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n"
 )
+
+
+def moving_triangle(seconds: float) -> str:
+    """A glTF of one triangle that moves along X from 0 to `seconds`."""
+    data = np.array([*np.eye(3).ravel(), 0, seconds, 0, 0, 0, 5, 0, 0], "<f4").tobytes()
+    views = [(0, 36, "VEC3", 3), (36, 8, "SCALAR", 2), (44, 24, "VEC3", 2)]
+    document = {
+        "asset": {"version": "2.0"},
+        "nodes": [{"mesh": 0}],
+        "scenes": [{"nodes": [0]}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "buffers": [{"byteLength": 68, "uri": "data:;base64," + base64.b64encode(data).decode()}],
+        "bufferViews": [{"buffer": 0, "byteOffset": at, "byteLength": size} for at, size, _, _ in views],
+        "accessors": [
+            {"bufferView": k, "componentType": 5126, "type": kind, "count": count}
+            for k, (_, _, kind, count) in enumerate(views)
+        ],
+        "animations": [
+            {
+                "samplers": [{"input": 1, "output": 2}],
+                "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}],
+            }
+        ],
+    }
+    return json.dumps(document)
 
 
 def in_picture(scene: Scene, width: int, height: int) -> np.ndarray:
@@ -86,6 +113,28 @@ def test_a_bare_model_takes_overrides(write: Write) -> None:
     assert scene.settings.fps == 12
     scene = load_scene(write(SLAB, "slab.obj"), overrides={"/slab.tags": ["thing"]})
     assert {entry.tags for entry in scene.objects} == {("thing",)}
+
+
+@pytest.mark.parametrize(
+    ("seconds", "overrides", "frames"),
+    [
+        (2.0, [], 61),
+        (2.0, ["fps=12"], 25),
+        (0.7, [], 22),  # 0.7 s in float32 is a little less than 21 frames
+        (0.71, [], 23),
+        (2.0, ["frames=1"], 1),
+        (1e9, [], 1_000_000),
+    ],
+)
+def test_a_bare_model_is_as_long_as_its_animation(
+    write: Write, seconds: float, overrides: list[str], frames: int
+) -> None:
+    scene = load_scene(write(moving_triangle(seconds), "moving.gltf"), overrides=overrides)
+    assert scene.settings.frames == frames
+
+
+def test_a_bare_model_that_does_not_move_has_one_frame(write: Write) -> None:
+    assert load_scene(write(SLAB, "slab.obj")).settings.frames == 1
 
 
 def test_a_model_keeps_its_own_camera_and_lights(assets: Path) -> None:
