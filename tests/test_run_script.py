@@ -103,6 +103,49 @@ def test_a_check_that_fails_fails_the_command_after_all_have_run(sandbox: Sandbo
     assert "python -m pytest -q tests/docs/test_snippets.py" in sandbox.log.read_text()
 
 
+def test_check_runs_the_tests_too_unless_told_not_to(sandbox: Sandbox) -> None:
+    for tool in ("ruff", "mypy", "lint-imports"):
+        sandbox.program(f".venv/bin/{tool}", "exit 0")
+    all_tests = "-m pytest tests --ignore=tests/docs/test_snippets.py -n 2 -q"
+    done = sandbox.run("check", "--no-tests", FAIL=all_tests)
+    assert done.returncode == 0, done.stderr
+    done = sandbox.run("check", FAIL=all_tests)
+    assert done.returncode != 0
+    assert done.stderr.rstrip().endswith(f"failed: python {all_tests};")
+    done = sandbox.run("check", "--no-test")
+    assert done.returncode != 0
+    assert "takes --no-tests or nothing, not: --no-test" in done.stderr
+
+
+@pytest.mark.parametrize("changed", ["core/phrt/kernels/jit.py", "plugins/mine/kernels.py", "core/phrt/conventions.py"])
+def test_compiled_kernels_go_when_a_source_of_theirs_changes(sandbox: Sandbox, changed: str) -> None:
+    sources = {
+        "core/phrt/kernels/jit.py": "import numba\n",
+        "plugins/mine/kernels.py": "from phrt.kernels.jit import device\n",
+        "core/phrt/conventions.py": "BIAS = 1\n",
+        "backends/other.py": "import math\n",
+    }
+    compiled = [sandbox.folder / f"core/phrt/kernels/__pycache__/light.{kind}" for kind in ("py311.nbi", "1.nbc")]
+    for name, text in sources.items():
+        (sandbox.folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (sandbox.folder / name).write_text(text)
+
+    def left_after_a_run() -> list[bool]:
+        for path in compiled:
+            path.parent.mkdir(exist_ok=True)
+            path.write_text("machine code")
+        assert sandbox.run("demo").returncode == 0
+        return [path.exists() for path in compiled]
+
+    left_after_a_run()
+    assert left_after_a_run() == [True, True]
+    (sandbox.folder / "backends/other.py").write_text("import cmath\n")
+    assert left_after_a_run() == [True, True]
+    (sandbox.folder / changed).write_text(sources[changed] + "BIAS = 2\n")
+    assert left_after_a_run() == [False, False]
+    assert left_after_a_run() == [True, True]
+
+
 def test_missing_libraries_are_named_with_what_will_not_work(sandbox: Sandbox) -> None:
     done = sandbox.run("setup", LIBRARIES="libEGL_nvidia.so.0")
     assert done.returncode == 0, done.stderr
