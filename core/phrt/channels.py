@@ -84,10 +84,12 @@ class GBuffer:
         return buffer
 
     def __getattr__(self, name: str) -> np.ndarray:
-        try:
-            return self.__dict__["arrays"][name]
-        except KeyError:
-            raise AttributeError(f"the G-buffer has no channel '{name}'") from None
+        arrays = self.__dict__.get("arrays", {})
+        if name not in arrays:
+            held = ", ".join(arrays) or "none"
+            raise AttributeError(f"the G-buffer has no channel '{name}'; this one holds {held}")
+        array: np.ndarray = arrays[name]
+        return array
 
     def flat(self, name: str) -> np.ndarray:
         """Channel `name` with its pixels in one row: (H * W,) or (H * W, components), a view."""

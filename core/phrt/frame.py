@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -67,9 +67,13 @@ class FrameResult:
     """A finished frame.
 
     image: (H, W, 3) float32, linear Rec.709, exposure applied. gbuffer: of the last sub-pixel sample.
-    layers: (H, W, C) float32 by layer name, averaged over samples. direct: (H, W, L, 3), unshadowed, of the last sample.
-    masks: (H, W) uint8 by layer name, see MASK_*. stages: milliseconds by stage, summing to `milliseconds`.
-    rays: how many by kind ("primary" and each effect).
+    layers: (H, W, C) float32 by layer name, averaged over samples, exposure not applied.
+    light_layers: names of those with one component per light of the scene, in its order.
+    direct: (H, W, L, 3), unshadowed, of the last sample. masks: (H, W) uint8 by layer name, of the last sample, see MASK_*.
+    decisions: of the last sample; their rays and milliseconds are sums over the samples.
+    stages: milliseconds by stage, summing to `milliseconds`. rays: how many by kind ("primary" and each effect).
+    exposure: what the image was multiplied with, the camera's times the scene's. view: camera of the last sample.
+    world: the scene as it is; rendering the next frame moves it on. time: seconds.
     """
 
     image: np.ndarray
@@ -82,7 +86,10 @@ class FrameResult:
     rays: dict[str, int]
     index: int
     time: float
-    warnings: tuple[str, ...] = field(default=())
+    exposure: float
+    light_layers: frozenset[str]
+    world: World
+    view: CameraView
 
     @property
     def milliseconds(self) -> float:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -61,6 +62,33 @@ class Ledger:
         candidates = self._work.candidates
         traced = candidates.pixel_count * self.passes // PASSES
         return Decisions(candidates, self.passes > 0, self.passes, traced, self.rays, self.milliseconds)
+
+
+def over_samples(decisions: Sequence[Decisions]) -> Decisions:
+    """The last of several sub-pixel samples' decisions, with the rays and milliseconds its items took in all of them.
+
+    Samples see slightly different pixels; an item that the last one does not see is left out.
+    """
+    last = decisions[-1]
+    if len(decisions) == 1:
+        return last
+    order = np.argsort(_keys(last))
+    keys = _keys(last)[order]
+    rays, milliseconds = last.rays.copy(), last.milliseconds.copy()
+    for earlier in decisions[:-1]:
+        theirs = _keys(earlier)
+        place = np.searchsorted(keys, theirs)
+        seen = np.isin(theirs, keys)
+        rows = order[place[seen]]
+        rays[rows] += earlier.rays[seen]
+        milliseconds[rows] += earlier.milliseconds[seen]
+    return replace(last, rays=rays, milliseconds=milliseconds)
+
+
+def _keys(decisions: Decisions) -> np.ndarray:
+    """(n,) int64, one number for each object and effect."""
+    candidates = decisions.candidates
+    return candidates.object_id.astype(np.int64) * len(candidates.effect_names) + candidates.effect
 
 
 def pixel_runs(work: WorkItems, parts: list[Part], width: int) -> list[np.ndarray]:

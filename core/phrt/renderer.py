@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 import time as clock
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import TracebackType
 
 import numpy as np
 
+from phrt.arguments import checked_matrix, checked_size, make_effects, scopes_of
 from phrt.buffers import BufferPool
 from phrt.camera import CameraView
-from phrt.candidates import EffectScope, find_work
+from phrt.candidates import find_work
 from phrt.channels import CHANNELS, GBuffer
 from phrt.composite import all_rows, compose, light_surfaces
-from phrt.errors import OptionError
+from phrt.errors import OptionError, did_you_mean
 from phrt.faults import Faults
 from phrt.frame import Decisions, Frame, FrameResult
 from phrt.interfaces.effect import RayEffect
@@ -24,7 +25,8 @@ from phrt.interfaces.heuristic import PASSES, FrameContext, Heuristic
 from phrt.interfaces.tracer import Tracer
 from phrt.kernels.arrays import environment_arrays, geometry_arrays, material_arrays, surface_arrays
 from phrt.layers import LayerSet, apply_fallbacks
-from phrt.registry.auto import DEFAULT_EFFECTS, DEFAULT_HEURISTIC, choose_gbuffer, choose_tracer
+from phrt.ledger import over_samples
+from phrt.registry.auto import DEFAULT_HEURISTIC, choose_gbuffer, choose_tracer
 from phrt.registry.manager import get_registry
 from phrt.sampling import jitter_pattern
 from phrt.scene import Scene
@@ -33,7 +35,6 @@ from phrt.workers import Workers
 from phrt.world import World
 
 DEFAULT_SIZE = (640, 360)
-MAX_SIDE = 16384
 _IMAGE = "(image)"
 FRAME_CHANNELS = tuple(name for name in CHANNELS if name != "motion")
 
@@ -84,7 +85,7 @@ class Renderer:
         aa: int = 1,
         strict: bool = False,
     ) -> None:
-        self.size = _checked_size(size or scene.settings.size or DEFAULT_SIZE)
+        self.size = checked_size(size or scene.settings.size or DEFAULT_SIZE)
         if not 1 <= aa <= 1024:
             raise OptionError(f"aa is {aa}; it must be 1 to 1024 samples per pixel")
         if threads is not None and not 1 <= threads <= 1024:
@@ -96,7 +97,7 @@ class Renderer:
         self.aa = aa
         self.tracer_name = choose_tracer(registry).name if tracer == "auto" else tracer
         self.gbuffer_name = choose_gbuffer(registry).name if gbuffer == "auto" else gbuffer
-        self.effects: list[RayEffect] = _make_effects(scene, effects)
+        self.effects: list[RayEffect] = make_effects(scene, effects)
         name = heuristic or scene.settings.heuristic or DEFAULT_HEURISTIC
         self.heuristic: Heuristic = name if isinstance(name, Heuristic) else registry.create("heuristic", name)
         self.workers = Workers(threads)
@@ -107,12 +108,13 @@ class Renderer:
         dependencies = {"tracer": self.tracer, "workers": self.workers} if needs_tracer else {}
         self.producer: GBufferProducer = registry.create("gbuffer", self.gbuffer_name, **dependencies)
         self.producer.build(self.world)
-        self._scopes = [EffectScope.of(effect, self.world) for effect in self.effects]
+        self._scopes = scopes_of(self.effects, self.world)
         self._faults = Faults(strict=strict)
         self._scheduler = BudgetScheduler(self._faults)
         self._buffers = BufferPool()
         self._fallbacks_ready = False
         self._index = 0
+        self._closed = False
 
     def __enter__(self) -> Renderer:
         return self
@@ -123,19 +125,24 @@ class Renderer:
         self.close()
 
     def close(self) -> None:
-        """Give threads, tracer and GL context back."""
+        """Give threads, tracer and GL context back. Nothing can be rendered after it; closing again does nothing."""
+        if self._closed:
+            return
+        self._closed = True
         self.producer.close()
         self.tracer.close()
         self.workers.close()
 
     def move(self, path: str, matrix: np.ndarray | None) -> None:
-        """From the next frame on, object `path` stands at `matrix` (4, 4) world_from_local; None returns it to its node."""
+        """From the next frame on, object `path` stands at `matrix` (4, 4) world_from_local; None returns it to its node.
+
+        Raises OptionError for an unknown object, and for a matrix that is not (4, 4), finite and affine.
+        """
+        self._check_open()
         for object_id, entry in enumerate(self.scene.objects, start=1):
             if entry.path == path:
-                self.world.set_object_matrix(object_id, matrix)
+                self.world.set_object_matrix(object_id, None if matrix is None else checked_matrix(path, matrix))
                 return
-        from phrt.errors import did_you_mean
-
         raise OptionError(
             f"no object '{path}' in scene '{self.scene.name}'.{did_you_mean(path, [o.path for o in self.scene.objects])}"
         )
@@ -146,7 +153,11 @@ class Renderer:
         """One frame at `time` seconds, seen by scene camera `camera` (number or path) or by a view of your own.
 
         frame_index: what randomness is seeded with; by default frames count up from 0.
+
+        Raises OptionError for a time that is not finite and an unknown camera, RuntimeError once closed, and PluginError
+        when the heuristic fails.
         """
+        self._check_open()
         if not math.isfinite(time):
             raise OptionError(f"time is {time}; it must be a finite number of seconds")
         stages = Stages()
@@ -163,18 +174,53 @@ class Renderer:
         pattern = jitter_pattern(self.aa)
         sums: dict[str, np.ndarray] = {}
         rays: dict[str, int] = {}
+        decisions: list[Decisions] = []
         for number, (x, y) in enumerate(pattern):
             sample = self._sample(view.with_jitter(x, y), index, number, time, stages)
             for name, count in sample.rays.items():
                 rays[name] = rays.get(name, 0) + count
+            decisions.append(sample.decisions)
             if self.aa > 1:
                 for name, array in {_IMAGE: sample.image, **sample.layers.arrays}.items():
                     sums[name] = sums[name] + array if name in sums else array.copy()
             stages.done("composite")
         means = {name: total / np.float32(self.aa) for name, total in sums.items()}
-        result = _result(sample, means, rays, stages.milliseconds, index, time)
+        last = replace(sample, decisions=over_samples(decisions), rays=rays)
+        result = self._result(last, means, stages.milliseconds, index, time)
         stages.done("composite")
         return result
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise RuntimeError("the renderer was closed")
+
+    def _result(
+        self, last: _Sample, means: dict[str, np.ndarray], stages: dict[str, float], index: int, time: float
+    ) -> FrameResult:
+        """The frame of its last sample, and of the samples' means where there were several."""
+        height, width = last.gbuffer.height, last.gbuffer.width
+        layers = last.layers.arrays.items()
+        return FrameResult(
+            image=means.get(_IMAGE, last.image).reshape(height, width, 3),
+            gbuffer=last.gbuffer,
+            layers={name: means.get(name, array).reshape(height, width, -1) for name, array in layers},
+            direct=last.direct.reshape(height, width, -1, 3),
+            masks={name: mask.reshape(height, width) for name, mask in last.layers.masks.items()},
+            decisions=last.decisions,
+            stages=stages,
+            rays=last.rays,
+            index=index,
+            time=time,
+            exposure=self._exposure(last.view),
+            light_layers=frozenset(
+                ["visibility", *(effect.writes.name for effect in self.effects if not effect.writes.components)]
+            ),
+            world=self.world,
+            view=last.view,
+        )
+
+    def _exposure(self, view: CameraView) -> float:
+        return view.exposure * self.scene.settings.exposure
 
     def _view(self, camera: int | str | CameraView) -> CameraView:
         if isinstance(camera, CameraView):
@@ -183,8 +229,6 @@ class Renderer:
         if isinstance(camera, str):
             paths = [entry.path for entry in cameras]
             if camera not in paths:
-                from phrt.errors import did_you_mean
-
                 raise OptionError(
                     f"no camera '{camera}'; the scene has {', '.join(paths) or 'none'}.{did_you_mean(camera, paths)}"
                 )
@@ -222,7 +266,9 @@ class Renderer:
         work = find_work(frame, self.effects, self._scopes)
         layers = self._clear_layers(count)
         stages.done("candidates")
-        context = FrameContext(world=world, frame_index=index, time=time, budget=math.inf)
+        context = FrameContext(
+            world=world, frame_index=index, time=time, budget=math.inf, sample=number, samples=self.aa
+        )
         decisions = self._scheduler.run(frame, self.effects, work, self.heuristic, context, layers)
         stages.done("rays")
         if (decisions.passes < PASSES).any():
@@ -233,14 +279,13 @@ class Renderer:
             apply_fallbacks(frame, self.effects, work, decisions, layers, self._faults)
         stages.done("fallbacks")
         image = self._buffers.take((count, 3))
-        exposure = view.exposure * self.scene.settings.exposure
         compose(
             surfaces, materials.materials, frame.environment, world.environment.visible, view, all_rows(count), direct,
-            layers.arrays, layers.masks, exposure, image, self.workers,
+            layers.arrays, layers.masks, self._exposure(view), image, self.workers,
         )  # fmt: skip
         stages.done("composite")
         rays = {"primary": count if self.gbuffer_name == "raycast" else 0, **layers.rays}
-        return _Sample(image, gbuffer, direct, layers, decisions, rays)
+        return _Sample(view, image, gbuffer, direct, layers, decisions, rays)
 
     def _clear_layers(self, count: int) -> LayerSet:
         """Every layer the composition reads, at its clear value, and those of further effects."""
@@ -266,50 +311,10 @@ class Renderer:
 class _Sample:
     """One sub-pixel sample of a frame; arrays (P, ...)."""
 
+    view: CameraView
     image: np.ndarray
     gbuffer: GBuffer
     direct: np.ndarray
     layers: LayerSet
     decisions: Decisions
     rays: dict[str, int]
-
-
-def _result(
-    last: _Sample, means: dict[str, np.ndarray], rays: dict[str, int], stages: dict[str, float], index: int, time: float
-) -> FrameResult:
-    """The frame of its last sample, and of the samples' means where there were several."""
-    height, width = last.gbuffer.height, last.gbuffer.width
-    return FrameResult(
-        image=means.get(_IMAGE, last.image).reshape(height, width, 3),
-        gbuffer=last.gbuffer,
-        layers={name: means.get(name, array).reshape(height, width, -1) for name, array in last.layers.arrays.items()},
-        direct=last.direct.reshape(height, width, -1, 3),
-        masks={name: mask.reshape(height, width) for name, mask in last.layers.masks.items()},
-        decisions=last.decisions,
-        stages=stages,
-        rays=rays,
-        index=index,
-        time=time,
-    )
-
-
-def _checked_size(size: tuple[int, int]) -> tuple[int, int]:
-    width, height = size
-    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
-        raise OptionError(f"size is {width}x{height}; each side must be 1 to {MAX_SIDE} pixels")
-    return int(width), int(height)
-
-
-def _make_effects(scene: Scene, options: Mapping[str, Mapping[str, object]] | None) -> list[RayEffect]:
-    """The default effects and those named by the scene or the caller, with the scene's options and then the caller's.
-
-    `enabled: false` among an effect's options leaves it out.
-    """
-    registry = get_registry()
-    given: dict[str, dict[str, object]] = {name: {} for name in DEFAULT_EFFECTS}
-    for source in (scene.settings.effects, options or {}):
-        for name, values in source.items():
-            registry.get("effect", name)
-            given.setdefault(name, {}).update(values)
-    wanted = {name for name, values in given.items() if values.pop("enabled", True)}
-    return [registry.create("effect", name, given[name]) for name in registry.names("effect") if name in wanted]

@@ -19,7 +19,11 @@ EffectSwitch = Literal["auto", "always", "never"]
 
 @dataclass
 class SceneNode:
-    """One transform. `path` is absolute, as in USD ("/atrium/statue"); parents precede children."""
+    """One transform. `path` is absolute, as in USD ("/atrium/statue"); parents precede children.
+
+    parent : index into `Scene.nodes`, -1 for none
+    matrix : (4, 4) float64, parent_from_local, metres, column vectors
+    """
 
     path: str
     parent: int
@@ -30,6 +34,7 @@ class SceneNode:
 class SceneObject:
     """What a heuristic can choose: one mesh at one node.
 
+    node, mesh: indices into `Scene.nodes` and `Scene.meshes`; the mesh's vertices are in the node's space.
     effects: per effect name "auto" (the heuristic decides), "always" (mandatory) or "never"; absent means auto.
     importance: the designer's value per situation, "default" being the fallback. tags: what it is, for attention.
     """

@@ -32,6 +32,40 @@ def test_an_array_or_a_view_of_it_that_is_held_is_never_handed_out() -> None:
     assert address in {array.ctypes.data for array in taken}
 
 
+def held_bytes(pool: BufferPool) -> int:
+    return sum(block.memory.nbytes for blocks in pool._blocks.values() for block in blocks)
+
+
+def test_what_a_caller_kept_and_let_go_is_given_back_after_a_while() -> None:
+    pool = BufferPool()
+    kept = [pool.take((1000, 3)) for _ in range(50)]
+    other = pool.take((7, 7))
+    assert held_bytes(pool) > 50 * 12000
+    addresses = {pool.take((1000, 3)).ctypes.data for _ in range(600)}
+    assert len(addresses) == 1
+    assert held_bytes(pool) > 50 * 12000, "nothing that is held is given back"
+    kept[7][:] = 7
+    first = kept[7]
+    del kept, other
+    for _ in range(600):
+        pool.take((1000, 3))
+    assert held_bytes(pool) < 4 * 30000
+    assert np.all(first == 7)
+
+
+def test_a_steady_loop_takes_the_same_memory_for_ever() -> None:
+    pool = BufferPool()
+    frames: list[list[np.ndarray]] = []
+    seen: set[int] = set()
+    for number in range(300):
+        frame = [pool.take((100, 3)) for _ in range(5)]
+        if number >= 3:
+            assert {array.ctypes.data for array in frame} <= seen
+        seen |= {array.ctypes.data for array in frame}
+        frames = [*frames[-1:], frame]
+    assert len(seen) <= 15
+
+
 def test_shapes_and_types_are_kept_apart() -> None:
     pool = BufferPool()
     array = pool.take((4, 2), np.uint8)

@@ -12,8 +12,9 @@ from scene_kit import GLASS, LAMBERT, MIRROR, Stage, at, ball, box, floor, quad,
 import phrt
 from phrt.camera import CameraView, look_at
 from phrt.errors import OptionError, PluginError
-from phrt.frame import MASK_FILLED, MASK_TRACED
-from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic, Request
+from phrt.frame import MASK_FILLED, MASK_TRACED, Decisions
+from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic, Outcome, Request
+from phrt.ledger import over_samples
 from phrt.model import Material, Track
 from phrt.scene import Scene
 
@@ -324,6 +325,15 @@ def test_any_size_renders(size: tuple[int, int]) -> None:
     [
         ({"size": (0, 10)}, "size is 0x10; each side must be 1 to 16384 pixels"),
         ({"size": (10, 99999)}, "size is 10x99999; each side must be 1 to 16384 pixels"),
+        (
+            {"size": (16384, 4097)},
+            r"size is 16384x4097, 67,125,248 pixels; it must have at most 67,108,864 \(8192x8192\)",
+        ),
+        (
+            {"effects": {"shadows": {"enabled": "no"}}},
+            "effect 'shadows': option 'enabled' is 'no', allowed: true or false",
+        ),
+        ({"effects": {"shadows": {"enabled": 0}}}, "effect 'shadows': option 'enabled' is 0, allowed: true or false"),
         ({"aa": 0}, "aa is 0; it must be 1 to 1024 samples per pixel"),
         ({"threads": 0}, "threads is 0; it must be 1 to 1024"),
         ({"budget": "50ms"}, "budget is '50ms'; only None"),
@@ -360,3 +370,104 @@ def test_times_objects_and_cameras_that_do_not_exist_are_named() -> None:
             made.render(camera="/camera1")
         with pytest.raises(OptionError, match=r"no object '/miror' in scene 'test'. Did you mean '/mirror'"):
             made.move("/miror", None)
+
+
+def skewed(row: int, column: int, value: float) -> np.ndarray:
+    matrix = np.eye(4)
+    matrix[row, column] = value
+    return matrix
+
+
+@pytest.mark.parametrize(
+    ("matrix", "message"),
+    [
+        (np.eye(3), r"the matrix of '/box' is of shape \(3, 3\); it must be 4 x 4 numbers, world_from_local"),
+        ("here", "the matrix of '/box' is str; it must be 4 x 4 numbers"),
+        ([[1, 0], [0]], "the matrix of '/box' is list; it must be 4 x 4 numbers"),
+        (skewed(0, 3, np.nan), "the matrix of '/box' holds NaN or infinity"),
+        (skewed(1, 1, np.inf), "the matrix of '/box' holds NaN or infinity"),
+        (at(1, 2, 3).T, r"the last row of the matrix of '/box' is \[1.0, 2.0, 3.0, 1.0\]; it must be 0 0 0 1"),
+    ],
+)
+def test_a_place_that_is_none_is_refused_and_nothing_moves(matrix: Any, message: str) -> None:
+    with renderer(room()) as made:
+        before = made.render(frame_index=0).image
+        with pytest.raises(OptionError, match=message):
+            made.move("/box", matrix)
+        np.testing.assert_array_equal(made.render(frame_index=0).image, before)
+
+
+def test_a_place_may_change_afterwards_without_moving_the_object() -> None:
+    with renderer(room()) as made:
+        before = made.render(frame_index=0).image
+        place = made.world.object_matrix[4].copy()
+        made.move("/box", place)
+        place[:3, 3] += 1
+        np.testing.assert_allclose(made.render(frame_index=0).image, before, atol=1e-5)
+
+
+def test_a_closed_renderer_says_so_and_may_be_closed_again() -> None:
+    made = renderer(room())
+    made.close()
+    made.close()
+    with pytest.raises(RuntimeError, match="the renderer was closed"):
+        made.render()
+    with pytest.raises(RuntimeError, match="the renderer was closed"):
+        made.move("/box", None)
+
+
+def test_a_channel_that_is_not_there_is_told_with_those_that_are() -> None:
+    with renderer(room()) as made:
+        frame = made.render()
+    message = r"the G-buffer has no channel 'motion'; this one holds depth, position_world, .*, emissive$"
+    with pytest.raises(AttributeError, match=message):
+        _ = frame.gbuffer.motion
+
+
+# --- sub-pixel samples ----------------------------------------------------------------------------------------------
+
+
+class Diary(Backward):
+    """Keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.contexts: list[FrameContext] = []
+        self.rays: dict[tuple[int, int], int] = {}
+
+    def begin_frame(self, candidates: Candidates, context: FrameContext) -> None:
+        super().begin_frame(candidates, context)
+        self.contexts.append(context)
+        self.candidates = candidates
+
+    def report(self, item: int, outcome: Outcome) -> None:
+        key = int(self.candidates.object_id[item]), int(self.candidates.effect[item])
+        self.rays[key] = self.rays.get(key, 0) + outcome.rays
+
+
+def test_a_heuristic_is_told_each_sub_pixel_sample_and_decisions_sum_over_them() -> None:
+    diary = Diary()
+    with renderer(room(), heuristic=diary, aa=4) as made:
+        frame = made.render(2.0, frame_index=7)
+    assert [(c.frame_index, c.time, c.sample, c.samples) for c in diary.contexts] == [(7, 2.0, k, 4) for k in range(4)]
+    assert {(c.budget, c.budget_unit) for c in diary.contexts} == {(float("inf"), "none")}
+    decisions = frame.decisions
+    keys = zip(decisions.candidates.object_id, decisions.candidates.effect, decisions.rays, strict=True)
+    assert {(int(o), int(e)): int(rays) for o, e, rays in keys} == diary.rays
+    assert int(decisions.rays.sum()) == pytest.approx(frame.rays["shadows"] + sum(
+        frame.rays[name] for name in ("reflections", "refractions")
+    ), abs=24)  # fmt: skip
+    assert np.all(decisions.milliseconds > 0)
+
+
+def decided(objects: list[int], rays: list[int]) -> Decisions:
+    count = len(objects)
+    ids, zeros = np.array(objects, np.int32), np.zeros(count, np.int32)
+    candidates = Candidates(("one",), ids, zeros, zeros, zeros.astype(np.float32), zeros > 0, zeros.astype(np.float32))
+    return Decisions(candidates, zeros > 0, zeros, zeros, np.array(rays), np.array(rays) / 2)
+
+
+def test_samples_that_see_other_objects_are_summed_by_object() -> None:
+    total = over_samples([decided([1, 2, 4], [10, 20, 40]), decided([4, 3], [5, 6]), decided([3, 1, 4], [1, 2, 3])])
+    assert total.candidates.object_id.tolist() == [3, 1, 4]
+    assert total.rays.tolist() == [7, 12, 48]
+    assert total.milliseconds.tolist() == [3.5, 6, 24]

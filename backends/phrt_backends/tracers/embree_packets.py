@@ -40,8 +40,6 @@ class EmbreePackets(Tracer):
         version = ".".join(map(str, self.library.version))
         self.capabilities = TracerCapabilities(
             description=f"Embree {version}, packets of {abi.LANES} through its C interface ({self.library.path.name})",
-            packet_width=abi.LANES,
-            updates_in_place=True,
         )
         self._arguments = {flag: _query_arguments(flag) for flag in (False, True)}
         self._device: EmbreeDevice | None = None

@@ -8,8 +8,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from phrt.errors import OptionError
+from phrt.limits import MAX_PIXELS, MAX_SIDE
 
-LARGEST_SIDE = 16384
 MOST_FRAMES = 1_000_000
 
 
@@ -25,13 +25,17 @@ class FrameRange:
 
 
 def parse_size(text: str) -> tuple[int, int]:
-    """ "1280x720" as (width, height) in pixels, each 1 to 16384."""
+    """ "1280x720" as (width, height) in pixels, each 1 to 16384, together at most 8192 x 8192."""
     match = re.fullmatch(r"(\d{1,6})[xX](\d{1,6})", text.strip())
     if not match:
         raise OptionError(f"--size is '{text}', expected WIDTHxHEIGHT in pixels, as in 1280x720")
     size = int(match[1]), int(match[2])
-    if not all(1 <= side <= LARGEST_SIDE for side in size):
-        raise OptionError(f"--size is '{text}', allowed: 1 to {LARGEST_SIDE} pixels a side")
+    if not all(1 <= side <= MAX_SIDE for side in size):
+        raise OptionError(f"--size is '{text}', allowed: 1 to {MAX_SIDE} pixels a side")
+    if size[0] * size[1] > MAX_PIXELS:
+        raise OptionError(
+            f"--size is '{text}', {size[0] * size[1]:,} pixels; allowed: at most {MAX_PIXELS:,} (8192x8192)"
+        )
     return size
 
 

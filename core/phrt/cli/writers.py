@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 from phrt.errors import OptionError
 from phrt.output.files import check_output
-from phrt.output.images import PICTURE_SUFFIXES, write_exr, write_png
-from phrt.output.layers import write_layers
+from phrt.output.images import PICTURE_SUFFIXES, write_png
+from phrt.output.layers import write_layers, write_light_exr
 from phrt.output.tonemap import curve_code, to_8bit
 from phrt.output.video import VIDEO_SUFFIXES, VideoWriter
 
@@ -47,7 +47,7 @@ class PictureWriter(FrameWriter):
     def add(self, index: int, frame: FrameResult) -> None:
         path = numbered(self._output, index)
         if path.suffix.lower() == ".exr":
-            self.files.append(write_exr(path, {"": frame.image, **frame.layers}))
+            self.files.append(write_light_exr(path, frame))
         else:
             self.files.append(write_png(path, to_8bit(frame.image, self._tone_map)))
         add_layers(self, self._layers, index if self._many else None, frame, self._tone_map)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 if TYPE_CHECKING:
     from phrt.world import World
+
+BudgetUnit = Literal["none", "rays", "ms"]
+"""What a budget counts: nothing, rays, or milliseconds of wall-clock time."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +24,7 @@ class Candidates:
     pixel_count   : (n,) int32, visible pixels the effect applies to
     ray_estimate  : (n,) float32, Q, expected rays per pixel
     mandatory     : (n,) bool, the scene says "always"
-    area          : (n,) float32, A, visible pixels / all pixels
+    area          : (n,) float32, A, 0..1, pixel_count / all pixels of the picture
     The paper's other letters (P, D, V, C, K, S, R) join as further arrays of this struct.
     """
 
@@ -39,12 +42,23 @@ class Candidates:
 
 @dataclass(frozen=True)
 class FrameContext:
-    """What the paper lets a heuristic look at besides the candidates: scene, time, and external parameters."""
+    """What the paper lets a heuristic look at besides the candidates: scene, time, and external parameters.
+
+    time        : seconds of the scene's animation
+    budget      : what tracing may take in this call sequence, in `budget_unit`; +inf without one
+    budget_unit : "ms" of wall-clock time, "rays", or "none"
+    sample      : sub-pixel sample of the frame, 0 to samples - 1; each has its own G-buffer, candidates and call sequence
+    samples     : sub-pixel samples of the frame, `aa` of the renderer
+    parameters  : external parameters by name, what a host program wants a heuristic to know
+    """
 
     world: World
     frame_index: int
     time: float
     budget: float
+    budget_unit: BudgetUnit = "none"
+    sample: int = 0
+    samples: int = 1
     parameters: dict[str, object] = field(default_factory=dict)
 
 
@@ -75,19 +89,23 @@ class Request:
 
 
 class Heuristic(ABC):
-    """Contract: one call sequence per frame, from one thread: `begin_frame`, then `next` and `report` in any
-    interleaving (an item may be reported after later ones were asked for), then `end_frame`."""
+    """Contract: one call sequence per sub-pixel sample of a frame (one per frame unless antialiased), from one thread:
+    `begin_frame`, then `next` and `report` in any interleaving (an item may be reported after later ones were asked for),
+    then `end_frame`. What is kept from one sequence to the next must allow for candidates that come and go.
+
+    An exception, or an answer that is no item of the frame, ends the frame with a PluginError that names the heuristic.
+    """
 
     @abstractmethod
     def begin_frame(self, candidates: Candidates, context: FrameContext) -> None:
-        """A new frame: look at the candidates."""
+        """A new frame, or the next sub-pixel sample of one (`context.sample`): look at the candidates."""
 
     @abstractmethod
     def next(self, remaining: float) -> int | Request | None:
         """The next item to trace (a row of the candidates, each at most once, or a `Request` for part of one), or None
         when nothing should follow.
 
-        remaining: what is left of the budget, in its unit; +inf without one.
+        remaining: what is left of `context.budget`, in `context.budget_unit`; +inf without a budget.
         """
 
     def report(self, item: int, outcome: Outcome) -> None:
@@ -95,5 +113,5 @@ class Heuristic(ABC):
         return
 
     def end_frame(self) -> None:
-        """No more items this frame."""
+        """No more items in this frame, or in this sub-pixel sample of it."""
         return

@@ -16,11 +16,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TracerCapabilities:
-    """What a tracer can do beyond the contract, and how it does it; shown by `phrt doctor`."""
+    """description: what the tracer is and how it works, in one line; shown by `phrt doctor`."""
 
     description: str
-    packet_width: int = 1
-    updates_in_place: bool = False
 
 
 class Tracer(ABC):

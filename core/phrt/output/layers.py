@@ -2,42 +2,26 @@
 
 The first files are the four images of Andrade et al. 2014, Figure 1: the rasterized picture without ray effects, the
 shadows, the reflections (and refractions), and the composite.
+
+In EXR files a layer with one component per light has `light0`, `light1`, ... for components, however many lights there are.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from phrt.channels import GBuffer
 from phrt.errors import OptionError
 from phrt.output.images import write_exr, write_png
+from phrt.output.raster import raster_picture
 from phrt.output.tonemap import to_8bit
 
-
-class LayeredFrame(Protocol):
-    """What is needed of a frame's result.
-
-    image : (H, W, 3) float32, linear
-    layers : (H, W, C) float32 by name, exposure not applied
-    direct : (H, W, L, 3) float32, unshadowed direct light by light
-    masks : (H, W) uint8 by layer, `phrt.frame.MASK_*`
-    """
-
-    @property
-    def image(self) -> np.ndarray: ...
-    @property
-    def gbuffer(self) -> GBuffer: ...
-    @property
-    def layers(self) -> Mapping[str, np.ndarray]: ...
-    @property
-    def direct(self) -> np.ndarray: ...
-    @property
-    def masks(self) -> Mapping[str, np.ndarray]: ...
+if TYPE_CHECKING:
+    from phrt.frame import FrameResult
 
 
 FIGURE_1 = (
@@ -58,12 +42,10 @@ _COMPONENTS |= {"primitive_id": ("id",), "material_id": ("id",)}
 _COMPONENTS |= dict.fromkeys(("position_world", "normal_world", "normal_geometric_world"), ("X", "Y", "Z"))
 
 
-def write_layers(
-    folder: str | Path, frame: LayeredFrame, *, tone_map: str = "neutral", exposure: float = 1.0
-) -> list[Path]:
+def write_layers(folder: str | Path, frame: FrameResult, *, tone_map: str = "neutral") -> list[Path]:
     """Write every layer of `frame` into `folder` (made where missing), PNG previews and `layers.exr`; gives the paths.
 
-    exposure : what the frame's image was multiplied with; previews of colours are, the EXR's layers are not.
+    Previews of colours are multiplied with the frame's exposure, the EXR's layers are not.
     Raises OptionError where the folder cannot be written.
     """
     folder = Path(folder)
@@ -71,16 +53,16 @@ def write_layers(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OptionError(f"cannot make the folder '{folder}' for layers: {error.strerror or error}") from error
-    previews = layer_previews(frame, tone_map, exposure)
+    previews = layer_previews(frame, tone_map)
     written = [write_png(folder / name, pixels) for name, pixels in previews.items()]
-    written.append(write_exr(folder / "layers.exr", exr_layers(frame), names=_COMPONENTS))
+    written.append(write_exr(folder / "layers.exr", exr_layers(frame), names=_COMPONENTS | light_components(frame)))
     return written
 
 
-def layer_previews(frame: LayeredFrame, tone_map: str = "neutral", exposure: float = 1.0) -> dict[str, np.ndarray]:
+def layer_previews(frame: FrameResult, tone_map: str = "neutral") -> dict[str, np.ndarray]:
     """uint8 pictures by file name, in the order one wants to look at them."""
-    layers = frame.layers
-    previews = {"figure1_a_raster.png": to_8bit(raster_picture(frame) * np.float32(exposure), tone_map)}
+    layers, exposure = frame.layers, frame.exposure
+    previews = {"figure1_a_raster.png": to_8bit(raster_picture(frame), tone_map)}
     for file_name, name in FIGURE_1:
         if name in layers:
             previews[file_name] = layer_preview(name, layers[name], tone_map, exposure)
@@ -98,12 +80,6 @@ def layer_previews(frame: LayeredFrame, tone_map: str = "neutral", exposure: flo
     return previews
 
 
-def raster_picture(frame: LayeredFrame) -> np.ndarray:
-    """(H, W, 3) float32 linear: what rasterization alone shows, unshadowed direct light and emission; no background."""
-    emissive = frame.gbuffer.arrays.get("emissive", np.float32(0.0))
-    return np.asarray(frame.direct.sum(axis=2) + emissive, dtype=np.float32)
-
-
 def layer_preview(name: str, layer: np.ndarray, tone_map: str, exposure: float = 1.0) -> np.ndarray:
     """uint8 preview of `layer` (H, W) or (H, W, C): shares and odd counts in grey, colours tone mapped."""
     planes = layer[:, :, None] if layer.ndim == 2 else layer
@@ -115,11 +91,26 @@ def layer_preview(name: str, layer: np.ndarray, tone_map: str, exposure: float =
     return _grey(planes.mean(axis=2))
 
 
-def exr_layers(frame: LayeredFrame) -> dict[str, np.ndarray]:
-    """Every array by EXR layer name: the image unnamed, `direct_*` by light, layers, G-buffer channels, masks."""
-    arrays = {"": frame.image}
+def write_light_exr(path: str | Path, frame: FrameResult) -> Path:
+    """Write the picture and every layer of light of `frame`, linear, into one EXR. Raises OptionError where it cannot be."""
+    return write_exr(path, light_arrays(frame), names=light_components(frame))
+
+
+def light_arrays(frame: FrameResult) -> dict[str, np.ndarray]:
+    """The image, unnamed, and the layers of light by EXR layer name."""
+    return {"": frame.image} | {_safe(name): layer for name, layer in frame.layers.items() if layer.shape[2]}
+
+
+def light_components(frame: FrameResult) -> dict[str, tuple[str, ...]]:
+    """`light0`, `light1`, ... for the components of every layer with one per light."""
+    lights = tuple(f"light{number}" for number in range(frame.direct.shape[2]))
+    return {_safe(name): lights for name in frame.light_layers}
+
+
+def exr_layers(frame: FrameResult) -> dict[str, np.ndarray]:
+    """Every array by EXR layer name: the image unnamed, layers, `direct_*` by light, G-buffer channels, masks."""
+    arrays = light_arrays(frame)
     arrays |= {f"direct_{light}": frame.direct[:, :, light] for light in range(frame.direct.shape[2])}
-    arrays |= {_safe(name): layer for name, layer in frame.layers.items() if layer.ndim == 2 or layer.shape[2]}
     arrays |= {
         (name if name not in arrays else f"gbuffer_{name}"): array for name, array in frame.gbuffer.arrays.items()
     }

@@ -2,51 +2,55 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image
+from scene_kit import LAMBERT, Stage, at, ball, floor
 
-from phrt.channels import GBuffer
 from phrt.errors import OptionError
-from phrt.frame import MASK_FALLBACK, MASK_FILLED, MASK_NONE, MASK_TRACED
-from phrt.output.layers import depth_preview, id_preview, layer_preview, normal_preview, write_layers
+from phrt.frame import MASK_FALLBACK, MASK_FILLED, MASK_NONE, MASK_TRACED, FrameResult
+from phrt.model import Material
+from phrt.output.layers import depth_preview, id_preview, layer_preview, normal_preview, write_layers, write_light_exr
+from phrt.output.raster import raster_picture
 from phrt.output.tonemap import to_8bit
 
 HEIGHT, WIDTH = 8, 12
 
 
-@dataclass
-class Frame:
-    image: np.ndarray
-    gbuffer: GBuffer
-    direct: np.ndarray
-    layers: dict[str, np.ndarray] = field(default_factory=dict)
-    masks: dict[str, np.ndarray] = field(default_factory=dict)
+def lit_ball(lights: int = 3, **options: Any) -> FrameResult:
+    """A ball on a floor under some lights and a dome, the camera at half exposure."""
+    made = Stage(dome=(0.3, 0.4, 0.6))
+    made.add("/floor", floor(), LAMBERT, at(0, -0.5, 0))
+    made.add("/ball", ball(0.5, 2), Material(base_color=(0.8, 0.2, 0.1, 1), roughness=0.2, emissive=(0.1, 0.2, 0.3)))
+    for number in range(lights):
+        made.light("point", at(number - 1, 2, 1), intensity=4.0 + number)
+    made.camera((0, 0.5, 3), (0, 0, 0), fov_y=0.8)
+    made.scene.settings.exposure = 0.25
+    return made.render((WIDTH, HEIGHT), **options)
 
 
 @pytest.fixture
-def frame() -> Frame:
+def frame() -> FrameResult:
+    """A frame whose layers are noise."""
     random = np.random.default_rng(2)
 
     def noise(components: int) -> np.ndarray:
         return random.random((HEIGHT, WIDTH, components), dtype=np.float32)
 
-    gbuffer = GBuffer.allocate(WIDTH, HEIGHT)
-    gbuffer.arrays["depth"][2:, :] = 3.0
-    gbuffer.arrays["object_id"][2:, :] = 1
-    gbuffer.arrays["object_id"][2:, 6:] = 2
-    gbuffer.arrays["normal_world"][2:] = (0.0, 1.0, 0.0)
     layers = {"visibility": noise(3), "reflection": noise(3), "refraction": noise(3)}
-    layers["ambient_occlusion"] = noise(1)
-    layers["several"] = noise(6)
+    layers |= {"ambient_occlusion": noise(1), "several": noise(6)}
     masks = {"shadows": random.integers(0, 4, (HEIGHT, WIDTH), dtype=np.uint8)}
-    gbuffer.arrays["emissive"][0, 0] = (1.0, 2.0, 3.0)
-    direct = random.random((HEIGHT, WIDTH, 2, 3), dtype=np.float32)
-    return Frame(noise(3), gbuffer, direct, layers, masks)
+    return replace(lit_ball(), image=noise(3), layers=layers, masks=masks, exposure=1.0)
+
+
+def exr_channels(path: Path) -> dict[str, np.ndarray]:
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        return {name: channel.pixels for name, channel in file.channels().items()}
 
 
 def read(path: Path) -> np.ndarray:
@@ -54,7 +58,7 @@ def read(path: Path) -> np.ndarray:
         return np.asarray(image)
 
 
-def test_the_four_images_of_figure_1_and_every_layer_are_written(tmp_path: Path, frame: Frame) -> None:
+def test_the_four_images_of_figure_1_and_every_layer_are_written(tmp_path: Path, frame: FrameResult) -> None:
     files = {path.name for path in write_layers(tmp_path / "new" / "folder", frame)}
     assert files == {path.name for path in (tmp_path / "new" / "folder").iterdir()}
     figure = {
@@ -70,7 +74,7 @@ def test_the_four_images_of_figure_1_and_every_layer_are_written(tmp_path: Path,
     assert {"gbuffer_depth.png", "gbuffer_normal_world.png", "gbuffer_base_color.png", "gbuffer_object_id.png"} <= files
 
 
-def test_previews_show_the_arrays(tmp_path: Path, frame: Frame) -> None:
+def test_previews_show_the_arrays(tmp_path: Path, frame: FrameResult) -> None:
     write_layers(tmp_path, frame, tone_map="aces")
     assert np.array_equal(read(tmp_path / "figure1_d_composite.png"), to_8bit(frame.image, "aces"))
     assert np.array_equal(read(tmp_path / "figure1_c_reflections.png"), to_8bit(frame.layers["reflection"], "aces"))
@@ -81,12 +85,11 @@ def test_previews_show_the_arrays(tmp_path: Path, frame: Frame) -> None:
         assert (traced[frame.masks["shadows"] == value] == shade).all()
 
 
-def test_the_exr_holds_every_value(tmp_path: Path, frame: Frame) -> None:
+def test_the_exr_holds_every_value(tmp_path: Path, frame: FrameResult) -> None:
     write_layers(tmp_path, frame)
-    with OpenEXR.File(str(tmp_path / "layers.exr"), separate_channels=True) as file:
-        channels = {name: channel.pixels for name, channel in file.channels().items()}
+    channels = exr_channels(tmp_path / "layers.exr")
     assert np.array_equal(channels["G"], frame.image[:, :, 1])
-    assert np.array_equal(channels["visibility.B"], frame.layers["visibility"][:, :, 2])
+    assert np.array_equal(channels["visibility.light2"], frame.layers["visibility"][:, :, 2])
     assert np.array_equal(channels["several.5"], frame.layers["several"][:, :, 5])
     assert np.array_equal(channels["direct_1.B"], frame.direct[:, :, 1, 2])
     assert np.array_equal(channels["depth.Z"], frame.gbuffer.depth)
@@ -95,18 +98,48 @@ def test_the_exr_holds_every_value(tmp_path: Path, frame: Frame) -> None:
     assert np.array_equal(channels["traced_shadows.Y"], frame.masks["shadows"])
 
 
-def test_the_raster_picture_is_direct_light_and_emission_exposed(tmp_path: Path, frame: Frame) -> None:
-    write_layers(tmp_path, frame, tone_map="srgb", exposure=0.25)
-    expected = (frame.direct[:, :, 0] + frame.direct[:, :, 1] + frame.gbuffer.emissive) * np.float32(0.25)
-    shown = read(tmp_path / "figure1_a_raster.png").astype(int)
-    assert np.abs(shown - to_8bit(expected, "srgb")).max() <= 1
-    reflection = frame.layers["reflection"] * np.float32(0.25)
-    assert np.array_equal(read(tmp_path / "layer_reflection.png"), to_8bit(reflection, "srgb"))
+@pytest.mark.parametrize("lights", [1, 2, 3, 4])
+def test_components_by_light_are_named_by_light_however_many_there_are(tmp_path: Path, lights: int) -> None:
+    frame = lit_ball(lights)
+    write_layers(tmp_path, frame)
+    write_light_exr(tmp_path / "picture.exr", frame)
+    for name in ("layers.exr", "picture.exr"):
+        channels = exr_channels(tmp_path / name)
+        found = {channel for channel in channels if channel.startswith("visibility.")}
+        assert found == {f"visibility.light{number}" for number in range(lights)}
+        for number in range(lights):
+            assert np.array_equal(channels[f"visibility.light{number}"], frame.layers["visibility"][:, :, number])
+        assert np.array_equal(channels["R"], frame.image[:, :, 0])
 
 
-def test_a_frame_without_effects_still_gives_its_composite(tmp_path: Path, frame: Frame) -> None:
-    frame.layers, frame.masks = {"visibility": np.zeros((HEIGHT, WIDTH, 0), np.float32)}, {}
-    files = {path.name for path in write_layers(tmp_path, frame)}
+def test_a_scene_without_lights_has_no_such_component(tmp_path: Path) -> None:
+    frame = lit_ball(0)
+    write_layers(tmp_path, frame)
+    write_light_exr(tmp_path / "picture.exr", frame)
+    for name in ("layers.exr", "picture.exr"):
+        assert not [channel for channel in exr_channels(tmp_path / name) if channel.startswith("visibility")]
+
+
+def test_the_raster_picture_is_the_frame_that_traces_nothing() -> None:
+    traced, plain = lit_ball(), lit_ball(heuristic="raster_only")
+    np.testing.assert_allclose(raster_picture(traced), plain.image, rtol=1e-6)
+    assert np.abs(traced.image - plain.image).max() > 0.01, "the lights cast shadows"
+
+
+def test_previews_of_light_are_exposed_as_the_picture_is(tmp_path: Path) -> None:
+    frame = lit_ball(heuristic="raster_only")
+    assert frame.exposure == 0.25
+    frame.layers["reflection"][:] = 0.8
+    write_layers(tmp_path, frame, tone_map="srgb")
+    raster, composite = (read(tmp_path / f"figure1_{name}.png").astype(int) for name in ("a_raster", "d_composite"))
+    assert np.abs(raster - composite).max() <= 1
+    expected = to_8bit(np.full((HEIGHT, WIDTH, 3), 0.2, np.float32), "srgb")
+    assert np.array_equal(read(tmp_path / "layer_reflection.png"), expected)
+
+
+def test_a_frame_without_effects_still_gives_its_composite(tmp_path: Path, frame: FrameResult) -> None:
+    bare = replace(frame, layers={"visibility": np.zeros((HEIGHT, WIDTH, 0), np.float32)}, masks={})
+    files = {path.name for path in write_layers(tmp_path, bare)}
     assert {"figure1_d_composite.png", "layers.exr"} <= files
 
 
@@ -137,7 +170,7 @@ def test_scalar_and_wide_layers_are_grey() -> None:
     assert layer_preview("anything", layer[:, :, 0], "neutral").shape == (2, 2)
 
 
-def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, frame: Frame) -> None:
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, frame: FrameResult) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OptionError, match="cannot make the folder"):
         write_layers(tmp_path / "file" / "layers", frame)

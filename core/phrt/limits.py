@@ -1,0 +1,7 @@
+"""How large a picture may be."""
+
+MAX_SIDE = 16384
+"""Pixels."""
+
+MAX_PIXELS = 8192 * 8192
+"""A frame holds some 300 bytes a pixel: about 20 GB at this size."""
