@@ -337,3 +337,16 @@ def test_a_broken_command_spoils_neither_the_help_nor_other_commands(capsys: pyt
     assert "broken" in help_text
     assert cli.run(["broken", "x", "--y"]) == 2
     assert "command 'broken' of test broken is broken: 'no_such_module_anywhere:x'" in capsys.readouterr().err
+
+
+def test_previews_of_layers_are_as_bright_as_the_picture(
+    capsys: pytest.CaptureFixture[str], scene: str, tmp_path: Path
+) -> None:
+    folder = tmp_path / "layers"
+    dark = ("--exposure", "0.25", "--heuristic", "raster_only", "--layers", str(folder))
+    render(capsys, scene, tmp_path / "x.png", *dark)
+    pictures = [tmp_path / "x.png", folder / "figure1_a_raster.png", folder / "figure1_d_composite.png"]
+    picture, raster, composite = (np.asarray(Image.open(path)).astype(int) for path in pictures)
+    assert 20 < picture.max() < 250, "neither black nor clipped, or exposure would not show"
+    np.testing.assert_array_equal(composite, picture)
+    assert np.abs(raster - picture).max() <= 1

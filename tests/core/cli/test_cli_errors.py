@@ -28,6 +28,7 @@ def phrt(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str,
     [
         (["--size", "64x"], "--size is '64x', expected WIDTHxHEIGHT"),
         (["--size", "0x10"], "allowed: 1 to 16384 pixels a side"),
+        (["--size", "16384x16384"], "268,435,456 pixels; allowed: at most 67,108,864 (8192x8192)"),
         (["--frames", "3:3"], "expected FIRST below STOP"),
         (["--frames", "a:b"], "expected FIRST:STOP"),
         (["--frames", "0:2", "--time", "1"], "--time and --frames exclude each other"),
@@ -141,3 +142,46 @@ def test_warnings_are_printed_once_and_without_a_place(
     assert code == 0
     assert json.loads(out) == {}
     assert err.splitlines() == ["warning: the texture [red] is missing"]
+
+
+BROKEN_HEURISTIC = """\
+from phrt.interfaces.heuristic import Heuristic
+from phrt.registry import HeuristicPlugin, Options, hookimpl
+
+
+class Dropped(Heuristic):
+    def __init__(self, options):
+        pass
+
+    def begin_frame(self, candidates, context):
+        self.left = [0, {second}]
+
+    def next(self, remaining):
+        return self.left.pop(0)
+
+
+@hookimpl
+def phrt_heuristics():
+    return [HeuristicPlugin("{name}", "Breaks at its third item.", f"{{__name__}}:Dropped", Options)]
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "second", "message"),
+    [
+        ("dropped_late", "1", "heuristic Dropped failed in next(): IndexError: pop from empty list"),
+        ("dropped_twice", "0", "heuristic Dropped returned item 0: not one of"),
+        ("dropped_odd", "'all'", "heuristic Dropped returned 'all' from next(): expected an item's number"),
+    ],
+)
+def test_a_heuristic_that_breaks_is_an_error_that_names_it(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, name: str, second: str, message: str
+) -> None:
+    plugin, output = tmp_path / f"{name}.py", tmp_path / "x.png"
+    plugin.write_text(BROKEN_HEURISTIC.format(name=name, second=second))
+    options = ["--size", "16x9", "--plugin", str(plugin), "--heuristic", name]
+    code, out, err = phrt(capsys, "render", SCENE, "-o", str(output), *options)
+    assert (code, out) == (2, "")
+    assert message in " ".join(err.split())
+    assert "Traceback" not in err
+    assert not output.exists()
