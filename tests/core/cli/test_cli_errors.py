@@ -12,6 +12,7 @@ import pytest
 
 from phrt.cli import main as cli
 from phrt.errors import PhrtWarning
+from phrt.registry import get_registry
 
 SCENE = str(Path(__file__).resolve().parents[3] / "scenes" / "atrium.yaml")
 
@@ -180,7 +181,10 @@ def test_a_heuristic_that_breaks_is_an_error_that_names_it(
     plugin, output = tmp_path / f"{name}.py", tmp_path / "x.png"
     plugin.write_text(BROKEN_HEURISTIC.format(name=name, second=second))
     options = ["--size", "16x9", "--plugin", str(plugin), "--heuristic", name]
-    code, out, err = phrt(capsys, "render", SCENE, "-o", str(output), *options)
+    try:
+        code, out, err = phrt(capsys, "render", SCENE, "-o", str(output), *options)
+    finally:
+        get_registry()._forget(str(plugin))
     assert (code, out) == (2, "")
     assert message in " ".join(err.split())
     assert "Traceback" not in err
