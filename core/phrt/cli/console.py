@@ -19,7 +19,7 @@ PROGRESS_AFTER_S = 2.0
 
 
 @dataclass
-class Session:
+class Terminal:
     """What one run of the command line remembers."""
 
     debug: bool = False
@@ -28,7 +28,7 @@ class Session:
     """Warnings so far, each once, in order."""
 
 
-session = Session()
+terminal = Terminal()
 
 
 def messages() -> Console:
@@ -43,7 +43,7 @@ def results() -> Console:
 
 def say(text: str) -> None:
     """A line on standard error, unless `--quiet`."""
-    if not session.quiet:
+    if not terminal.quiet:
         messages().print(text, markup=False)
 
 
@@ -64,8 +64,8 @@ def tidy_warnings() -> Iterator[None]:
         ) -> None:
             if not issubclass(category, PhrtWarning):
                 others(message, category, filename, lineno, file, line)
-            elif str(message) not in session.warned:
-                session.warned.append(str(message))
+            elif str(message) not in terminal.warned:
+                terminal.warned.append(str(message))
                 messages().print(f"[yellow]warning:[/yellow] {escape(str(message))}")
 
         warnings.showwarning = show
@@ -109,7 +109,7 @@ class DelayedProgress:
         self._timer.daemon = True
 
     def __enter__(self) -> DelayedProgress:
-        if not session.quiet:
+        if not terminal.quiet:
             self._timer.start()
         return self
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from phrt.cli.console import escape, messages, session, tidy_warnings
+from phrt.cli.console import escape, messages, terminal, tidy_warnings
 from phrt.cli.doctor import doctor
 from phrt.cli.plugins import plugins_app
 from phrt.cli.render import render
@@ -92,8 +92,8 @@ def main(arguments: list[str] | None = None) -> None:
 
 def run(arguments: list[str]) -> int:
     """Run `phrt` with `arguments` and return its exit code; errors become messages on standard error."""
-    session.debug, session.quiet = False, False
-    session.warned.clear()
+    terminal.debug, terminal.quiet = False, False
+    terminal.warned.clear()
     with tidy_warnings():
         try:
             code = leaving_code(arguments)
@@ -109,7 +109,7 @@ def run(arguments: list[str]) -> int:
         except MemoryError as error:
             return complain(f"not enough memory: {error}", OUR_FAULT)
         except Exception as error:
-            advice = "" if session.debug else " (--debug shows where)"
+            advice = "" if terminal.debug else " (--debug shows where)"
             return complain(f"internal error: {type(error).__name__}: {error}{advice}", OUR_FAULT)
 
 
@@ -126,7 +126,7 @@ def leaving_code(arguments: list[str]) -> int:
 
 def complain(text: str, code: int) -> int:
     """Print an error on standard error, with the traceback when `--debug` asks for it; return `code`."""
-    if session.debug:
+    if terminal.debug:
         import traceback
 
         traceback.print_exc()

@@ -7,15 +7,15 @@ from typing import Annotated
 
 import typer
 
-from phrt.cli.console import session
+from phrt.cli.console import terminal
 
 
 def _set_debug(value: bool) -> None:
-    session.debug = session.debug or value
+    terminal.debug = terminal.debug or value
 
 
 def _set_quiet(value: bool) -> None:
-    session.quiet = value
+    terminal.quiet = value
 
 
 def _add_plugins(sources: list[str] | None) -> list[str]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from phrt.cli.console import DelayedProgress, say, session, warn_of
+from phrt.cli.console import DelayedProgress, say, terminal, warn_of
 from phrt.cli.options import DebugOption, JsonOption, PluginOption, QuietOption, SceneArgument
 from phrt.cli.parsing import (
     FrameRange,
@@ -181,7 +181,7 @@ def frame_row(moment: Moment, frame: FrameResult) -> dict[str, Any]:
 def report(rows: list[dict[str, Any]], files: list[str], output: Path, size: tuple[int, int], as_json: bool) -> None:
     """Say what was written: one JSON object on standard output, or a line or two on standard error."""
     if as_json:
-        print(json.dumps({"files": files, "size": list(size), "frames": rows, "warnings": session.warned}))
+        print(json.dumps({"files": files, "size": list(size), "frames": rows, "warnings": terminal.warned}))
         return
     spent = sum(row["milliseconds"] for row in rows)
     rays = sum(sum(row["rays"].values()) for row in rows)

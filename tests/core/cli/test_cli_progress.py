@@ -12,7 +12,7 @@ from phrt.cli import console
 @pytest.fixture(autouse=True)
 def _short_delay(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(console, "PROGRESS_AFTER_S", 0.05)
-    monkeypatch.setattr(console.session, "quiet", False)
+    monkeypatch.setattr(console.terminal, "quiet", False)
 
 
 def wait_until_shown(bar: console.DelayedProgress) -> None:
@@ -37,7 +37,7 @@ def test_long_work_names_its_step_once(capsys: pytest.CaptureFixture[str]) -> No
 
 
 def test_quiet_shows_nothing(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console.session, "quiet", True)
+    monkeypatch.setattr(console.terminal, "quiet", True)
     with console.DelayedProgress(3, "working") as bar:
         bar.advance()
         assert not bar._timer.is_alive()
