@@ -19,9 +19,9 @@ from phrt.description.problems import Mark, Problems
 from phrt.description.seen import check_places
 from phrt.description.values import Value, value_of
 from phrt.errors import AssetError, OptionError
+from phrt.limits import MOST_FRAMES
 from phrt.scene import Scene
 
-MOST_FRAMES = 1_000_000
 """As of a RenderSettings prim."""
 
 Overrides = Mapping[str, Any] | Iterable[str]

@@ -8,9 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from phrt.errors import OptionError
-from phrt.limits import MAX_PIXELS, MAX_SIDE
-
-MOST_FRAMES = 1_000_000
+from phrt.limits import MAX_PIXELS, MAX_SIDE, MOST_FRAMES
 
 
 @dataclass(frozen=True)

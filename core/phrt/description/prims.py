@@ -31,6 +31,7 @@ from phrt.description.fields import (
     Unit,
     Whole,
 )
+from phrt.limits import MAX_SIDE, MOST_FRAMES
 
 Switch = Literal["auto", "always", "never"]
 Interpolation = Literal["step", "linear", "smooth"]
@@ -444,7 +445,7 @@ class RenderSettingsPrim(Described):
     """What the scene's own pictures are made with. The command line comes first. A scene has at most one."""
 
     type: Literal["RenderSettings"]
-    size: tuple[Annotated[Whole, Field(ge=1, le=16384)], Annotated[Whole, Field(ge=1, le=16384)]] | None = Field(
+    size: tuple[Annotated[Whole, Field(ge=1, le=MAX_SIDE)], Annotated[Whole, Field(ge=1, le=MAX_SIDE)]] | None = Field(
         None, description="Width and height, pixels."
     )
     camera: PrimPath | None = Field(None, description="The camera to start with; default the first.")
@@ -452,7 +453,7 @@ class RenderSettingsPrim(Described):
     tone_map: Text | None = Field(None, description="Tone curve by name.")
     exposure: Positive = Field(1.0, description="Multiplies the linear picture.")
     fps: Positive = Field(30.0, description="Frames per second of the scene's animation.")
-    frames: Annotated[Whole, Field(ge=1, le=1_000_000)] = Field(1, description="Frames of the scene's animation.")
+    frames: Annotated[Whole, Field(ge=1, le=MOST_FRAMES)] = Field(1, description="Frames of the scene's animation.")
     effects: dict[Text, dict[str, Any]] = Field(
         default_factory=dict, description="Options of effects, by the effect's name."
     )

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from phrt.errors import OptionError
+from phrt.limits import MAX_SIDE
 from phrt.output.files import check_output, temporary_beside
 
 VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv")
@@ -27,8 +28,8 @@ class VideoWriter(AbstractContextManager["VideoWriter"]):
 
     def __init__(self, path: str | Path, size: tuple[int, int], fps: float, *, crf: int = 16) -> None:
         self.path = check_output(path, VIDEO_SUFFIXES)
-        if min(size) < 1 or max(size) > 16384:
-            raise OptionError(f"video size {size[0]}x{size[1]} is not within 1x1 to 16384x16384")
+        if min(size) < 1 or max(size) > MAX_SIDE:
+            raise OptionError(f"video size {size[0]}x{size[1]} is not within 1x1 to {MAX_SIDE}x{MAX_SIDE}")
         if not 0 < fps <= 1000:
             raise OptionError(f"{fps} frames per second is not above 0 and at most 1000")
         self.size = size
