@@ -9,6 +9,7 @@ import numpy as np
 from phrt.candidates import EffectScope
 from phrt.errors import OptionError, PluginError
 from phrt.interfaces.effect import RayEffect
+from phrt.interfaces.heuristic import Heuristic
 from phrt.limits import MAX_PIXELS, MAX_SIDE
 from phrt.registry.auto import DEFAULT_EFFECTS
 from phrt.registry.manager import get_registry
@@ -45,6 +46,16 @@ def checked_matrix(path: str, matrix: object) -> np.ndarray:
             "with the translation in the last column"
         )
     return array
+
+
+def make_heuristic(given: str | Heuristic, options: Mapping[str, object] | None) -> Heuristic:
+    """`given`, or the plugin of that name with `options`."""
+    if isinstance(given, str):
+        made: Heuristic = get_registry().create("heuristic", given, options)
+        return made
+    if options:
+        raise OptionError("heuristic_options are for a heuristic given by name; this one is made already")
+    return given
 
 
 def make_effects(scene: Scene, options: Mapping[str, Mapping[str, object]] | None) -> list[RayEffect]:

@@ -6,11 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from phrt.experience import Experience
 from phrt.frame import Frame
 from phrt.interfaces.effect import RayEffect
 from phrt.interfaces.heuristic import Candidates
-from phrt.kernels.layers import sort_by_object
+from phrt.kernels.layers import count_objects, sort_by_object
 from phrt.kernels.primary import tile_order
+from phrt.relevance import ObjectLetters, ObjectSight, item_cost, item_relevance
 from phrt.world import World
 
 
@@ -43,48 +45,75 @@ class WorkItems:
     first: np.ndarray
 
 
-def find_work(frame: Frame, effects: list[RayEffect], scopes: list[EffectScope]) -> WorkItems:
-    """Every (object, effect) with visible pixels."""
-    gbuffer, world = frame.gbuffer, frame.world
-    order = tile_order(gbuffer.width, gbuffer.height)
+def find_work(
+    frame: Frame,
+    effects: list[RayEffect],
+    scopes: list[EffectScope],
+    sight: ObjectSight,
+    experience: Experience,
+    persistence: float,
+) -> WorkItems:
+    """Every (object, effect) with visible pixels, and the letters that heuristics choose by."""
+    world, surfaces = frame.world, frame.surfaces
+    order = tile_order(frame.gbuffer.width, frame.gbuffer.height)
     count = len(order)
 
     def sort(scope: EffectScope) -> tuple[np.ndarray, np.ndarray]:
-        start = np.empty(world.object_count + 2, np.int64)
+        start = np.zeros(world.object_count + 2, np.int64)
         pixels = np.empty(count, np.int32)
         if not scope.applies.any():
-            return np.zeros_like(start), pixels[:0]
+            return start, pixels[:0]
         placed = sort_by_object(
-            order, frame.surfaces.object_id, frame.surfaces.material_id, scope.applies, scope.allowed, start, pixels
+            order, surfaces.object_id, surfaces.material_id, scope.applies, scope.allowed, start, pixels
         )
         return start, pixels[:placed]
 
+    visible_pixels = np.zeros(world.object_count + 1, np.int64)
+    count_objects(surfaces.object_id, visible_pixels)
     sorted_pixels = frame.workers.map(sort, scopes)
-    none = np.zeros(0, np.int32)
-    columns = [(none, none, none, np.zeros(0, np.float32), np.zeros(0, bool), np.zeros(0, np.int64))]
-    for index, ((start, _), scope) in enumerate(zip(sorted_pixels, scopes, strict=True)):
-        counts = np.diff(start)
-        objects = np.flatnonzero(counts).astype(np.int32)
-        columns.append(
-            (
-                objects,
-                np.full(len(objects), index, np.int32),
-                counts[objects].astype(np.int32),
-                np.full(len(objects), scope.rays_per_pixel, np.float32),
-                scope.mandatory[objects],
-                start[objects],
-            )
-        )
-    object_id, effect, pixel_count, ray_estimate, mandatory, first = (
-        np.concatenate(column) for column in zip(*columns, strict=True)
-    )
-    candidates = Candidates(
-        effect_names=tuple(effect.name for effect in effects),
+    # The items: objects with pixels, effect by effect.
+    starts = np.array([start for start, _ in sorted_pixels], np.int64).reshape(len(scopes), world.object_count + 2)
+    counts = np.diff(starts, axis=1)
+    effect, object_id = (index.astype(np.int32) for index in np.nonzero(counts))
+    pixel_count = counts[effect, object_id].astype(np.int32)
+    first = starts[effect, object_id]
+    candidates = _with_letters(
+        effects, scopes, object_id, effect, pixel_count,
+        sight.letters(world, frame.view, visible_pixels), experience, persistence,
+    )  # fmt: skip
+    return WorkItems(candidates, [pixels for _, pixels in sorted_pixels], first)
+
+
+def _with_letters(
+    effects: list[RayEffect],
+    scopes: list[EffectScope],
+    object_id: np.ndarray,
+    effect: np.ndarray,
+    pixel_count: np.ndarray,
+    objects: ObjectLetters,
+    experience: Experience,
+    persistence: float,
+) -> Candidates:
+    """The candidates: equations (1) to (3) of Andrade et al. 2014 for every item."""
+    ray_estimate = np.array([scope.rays_per_pixel for scope in scopes], np.float32)[effect]
+    was_selected = experience.was_selected[object_id, effect]
+    visible, importance = objects.visibility[object_id], objects.importance_factor[object_id]
+    mandatory = np.array([scope.mandatory for scope in scopes], bool).reshape(len(scopes), len(objects.area))
+    return Candidates(
+        effect_names=tuple(entry.name for entry in effects),
         object_id=object_id,
         effect=effect,
         pixel_count=pixel_count,
+        mandatory=mandatory[effect, object_id],
+        predicted_cost=experience.predict_rays(object_id, effect, pixel_count),
         ray_estimate=ray_estimate,
-        mandatory=mandatory,
-        area=(pixel_count / np.float32(count)).astype(np.float32),
+        area=objects.area[object_id],
+        center_closeness=objects.center_closeness[object_id],
+        distance=objects.distance[object_id],
+        visibility=visible,
+        cost=item_cost(visible, ray_estimate),
+        importance_factor=importance,
+        was_selected=was_selected,
+        relevance=item_relevance(was_selected, persistence, visible, importance),
+        persistence=persistence,
     )
-    return WorkItems(candidates, [pixels for _, pixels in sorted_pixels], first)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,8 +52,17 @@ class Frame:
 
 @dataclass(frozen=True)
 class Decisions:
-    """What was decided for every candidate of a frame, row by row: chosen, how many of its PASSES interleaved passes were
-    traced, pixels and rays traced, milliseconds of thread time."""
+    """What was decided for every candidate of a frame, row by row.
+
+    candidates    : the items with all their letters and `predicted_cost`
+    chosen        : (n,) bool, traced, at least in part
+    passes        : (n,) int32, how many of an item's PASSES interleaved passes were traced
+    traced_pixels : (n,) int64
+    rays          : (n,) int64, really traced
+    milliseconds  : (n,) float64, of thread time
+    budget        : rays the sample's ray phase might take; +inf without a limit
+    measured      : rays and milliseconds are each item's own; without a budget they are its share, by pixels, of its effect's
+    """
 
     candidates: Candidates
     chosen: np.ndarray
@@ -60,6 +70,8 @@ class Decisions:
     traced_pixels: np.ndarray
     rays: np.ndarray
     milliseconds: np.ndarray
+    budget: float = math.inf
+    measured: bool = False
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -29,6 +30,7 @@ class Ledger:
         count = len(work.candidates)
         self._work = work
         self.passes = np.zeros(count, np.int32)
+        self.pixels = np.zeros(count, np.int64)
         self.rays = np.zeros(count, np.int64)
         self.milliseconds = np.zeros(count, np.float64)
 
@@ -41,10 +43,24 @@ class Ledger:
         self.passes[request.item] = last
         return Part(request.item, first, last)
 
-    def share_out(self, parts: list[Part], rays: int, milliseconds: float) -> None:
-        """Book what tracing `parts` together took, by their pixels."""
-        pixels = np.array([self._work.candidates.pixel_count[p.item] * (p.last - p.first) / PASSES for p in parts])
-        for part, share in zip(parts, pixels / pixels.sum(), strict=True):
+    def withdraw(self, part: Part) -> None:
+        """`part`, the last that was accepted of its item, will not be traced."""
+        self.passes[part.item] = part.first
+
+    def discard(self, items: np.ndarray) -> None:
+        """What was traced of `items` (n,) bool does not count."""
+        self.passes[items] = 0
+        self.pixels[items] = 0
+
+    def predicted(self, part: Part) -> float:
+        """What the candidates say that tracing `part` will take, in the budget's unit."""
+        return float(self._work.candidates.predicted_cost[part.item]) * (part.last - part.first) / PASSES
+
+    def share_out(self, parts: list[Part], pixels: int, rays: int, milliseconds: float) -> None:
+        """Book what tracing `parts` (`pixels` in all) together took, by their pixels."""
+        sizes = np.array([self._work.candidates.pixel_count[p.item] * (p.last - p.first) / PASSES for p in parts])
+        for part, share in zip(parts, sizes / sizes.sum(), strict=True):
+            self.pixels[part.item] += round(pixels * share)
             self.rays[part.item] += round(rays * share)
             self.milliseconds[part.item] += milliseconds * share
 
@@ -52,16 +68,24 @@ class Ledger:
         """What is known of the item of `part` by now."""
         item = part.item
         return Outcome(
-            pixels=int(self._work.candidates.pixel_count[item] * self.passes[item] // PASSES),
+            pixels=int(self.pixels[item]),
             rays=int(self.rays[item]),
             milliseconds=float(self.milliseconds[item]),
             complete=bool(self.passes[item] == PASSES),
         )
 
-    def decisions(self) -> Decisions:
-        candidates = self._work.candidates
-        traced = candidates.pixel_count * self.passes // PASSES
-        return Decisions(candidates, self.passes > 0, self.passes, traced, self.rays, self.milliseconds)
+    def decisions(self, budget: float) -> Decisions:
+        """The frame's account, when it is finished."""
+        return Decisions(
+            candidates=self._work.candidates,
+            chosen=self.passes > 0,
+            passes=self.passes,
+            traced_pixels=self.pixels,
+            rays=self.rays,
+            milliseconds=self.milliseconds,
+            budget=budget,
+            measured=math.isfinite(budget),
+        )
 
 
 def over_samples(decisions: Sequence[Decisions]) -> Decisions:

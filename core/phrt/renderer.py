@@ -10,13 +10,15 @@ from types import TracebackType
 
 import numpy as np
 
-from phrt.arguments import checked_matrix, checked_size, make_effects, scopes_of
+from phrt.arguments import checked_matrix, checked_size, make_effects, make_heuristic, scopes_of
+from phrt.budget import Budget, parse_budget
 from phrt.buffers import BufferPool
 from phrt.camera import CameraView
 from phrt.candidates import find_work
 from phrt.channels import CHANNELS, GBuffer
 from phrt.composite import all_rows, compose, light_surfaces
 from phrt.errors import OptionError, did_you_mean
+from phrt.experience import Experience
 from phrt.faults import Faults
 from phrt.frame import Decisions, Frame, FrameResult
 from phrt.interfaces.effect import RayEffect
@@ -28,6 +30,7 @@ from phrt.layers import LayerSet, apply_fallbacks
 from phrt.ledger import over_samples
 from phrt.registry.auto import DEFAULT_HEURISTIC, choose_gbuffer, choose_tracer
 from phrt.registry.manager import get_registry
+from phrt.relevance import DEFAULT_PERSISTENCE, ObjectSight
 from phrt.sampling import jitter_pattern
 from phrt.scene import Scene
 from phrt.scheduler import BudgetScheduler
@@ -59,7 +62,9 @@ class Renderer:
     scene     : what `phrt.load_scene` returned
     size      : (width, height) in pixels; by default the scene's own, else 640 x 360
     heuristic : name of a heuristic plugin, or a `Heuristic`; by default the scene's own, else "all_trace"
-    budget    : None, no limit
+    heuristic_options: its options; `{"seed": 3}` for "random"
+    budget    : secondary rays a frame may take, as "200000rays"; None or "none" for no limit. Sub-pixel samples share it
+    persistence: I of the paper, how much having been traced in the previous frame counts; 0 or more
     gbuffer   : "moderngl", "raycast", "auto" (moderngl on a hardware GL, else raycast), or a plugin's name
     tracer    : "embree", "open3d", "numpy", "auto" (the first available in this order), or a plugin's name
     threads   : how many; by default one per usable core
@@ -68,7 +73,7 @@ class Renderer:
     strict    : an effect that fails raises instead of being switched off
 
     Use it as a context manager; it holds threads, a tracer and perhaps a GL context, and must be used from one thread.
-    Raises OptionError for a bad size, aa or budget, PluginError for a plugin that is unknown or unavailable.
+    Raises OptionError for a bad size, aa, budget, persistence or option, PluginError for a plugin that is unknown or unavailable.
     """
 
     def __init__(
@@ -77,7 +82,9 @@ class Renderer:
         *,
         size: tuple[int, int] | None = None,
         heuristic: str | Heuristic | None = None,
-        budget: None = None,
+        heuristic_options: Mapping[str, object] | None = None,
+        budget: str | Budget | None = None,
+        persistence: float = DEFAULT_PERSISTENCE,
         gbuffer: str = "auto",
         tracer: str = "auto",
         threads: int | None = None,
@@ -90,16 +97,19 @@ class Renderer:
             raise OptionError(f"aa is {aa}; it must be 1 to 1024 samples per pixel")
         if threads is not None and not 1 <= threads <= 1024:
             raise OptionError(f"threads is {threads}; it must be 1 to 1024")
-        if budget is not None:
-            raise OptionError(f"budget is {budget!r}; only None (no limit) is available in this version")
+        if not 0 <= persistence < math.inf:
+            raise OptionError(f"persistence is {persistence}; it must be 0 or more")
+        self.budget = parse_budget(budget)
+        self.persistence = persistence
         registry = get_registry()
         self.scene = scene
         self.aa = aa
         self.tracer_name = choose_tracer(registry).name if tracer == "auto" else tracer
         self.gbuffer_name = choose_gbuffer(registry).name if gbuffer == "auto" else gbuffer
         self.effects: list[RayEffect] = make_effects(scene, effects)
-        name = heuristic or scene.settings.heuristic or DEFAULT_HEURISTIC
-        self.heuristic: Heuristic = name if isinstance(name, Heuristic) else registry.create("heuristic", name)
+        self.heuristic: Heuristic = make_heuristic(
+            heuristic or scene.settings.heuristic or DEFAULT_HEURISTIC, heuristic_options
+        )
         self.workers = Workers(threads)
         self.world = World(scene)
         self.tracer: Tracer = registry.create("tracer", self.tracer_name)
@@ -109,6 +119,8 @@ class Renderer:
         self.producer: GBufferProducer = registry.create("gbuffer", self.gbuffer_name, **dependencies)
         self.producer.build(self.world)
         self._scopes = scopes_of(self.effects, self.world)
+        self._sight = ObjectSight(self.world)
+        self._experience = Experience(self.world.object_count, [scope.rays_per_pixel for scope in self._scopes])
         self._faults = Faults(strict=strict)
         self._scheduler = BudgetScheduler(self._faults)
         self._buffers = BufferPool()
@@ -184,6 +196,7 @@ class Renderer:
                 for name, array in {_IMAGE: sample.image, **sample.layers.arrays}.items():
                     sums[name] = sums[name] + array if name in sums else array.copy()
             stages.done("composite")
+        self._experience.note_selected(decisions)
         means = {name: total / np.float32(self.aa) for name, total in sums.items()}
         last = replace(sample, decisions=over_samples(decisions), rays=rays)
         result = self._result(last, means, stages.milliseconds, index, time)
@@ -263,13 +276,20 @@ class Renderer:
             time=time,
             seed=(index * self.aa + number) & 0x7FFFFFFF,
         )
-        work = find_work(frame, self.effects, self._scopes)
+        work = find_work(frame, self.effects, self._scopes, self._sight, self._experience, self.persistence)
         layers = self._clear_layers(count)
         stages.done("candidates")
         context = FrameContext(
-            world=world, frame_index=index, time=time, budget=math.inf, sample=number, samples=self.aa
+            world=world,
+            frame_index=index,
+            time=time,
+            budget=self.budget.rays / self.aa,
+            budget_unit="rays" if math.isfinite(self.budget.rays) else "none",
+            sample=number,
+            samples=self.aa,
         )
         decisions = self._scheduler.run(frame, self.effects, work, self.heuristic, context, layers)
+        self._experience.learn_costs(decisions)
         stages.done("rays")
         if (decisions.passes < PASSES).any():
             if not self._fallbacks_ready:

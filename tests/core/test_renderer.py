@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from candidate_kit import candidates
 from scene_kit import GLASS, LAMBERT, MIRROR, Stage, at, ball, box, floor, quad, turned
 
 import phrt
@@ -336,7 +337,7 @@ def test_any_size_renders(size: tuple[int, int]) -> None:
         ({"effects": {"shadows": {"enabled": 0}}}, "effect 'shadows': option 'enabled' is 0, allowed: true or false"),
         ({"aa": 0}, "aa is 0; it must be 1 to 1024 samples per pixel"),
         ({"threads": 0}, "threads is 0; it must be 1 to 1024"),
-        ({"budget": "50ms"}, "budget is '50ms'; only None"),
+        ({"budget": "50ms"}, "budget is '50ms', but budgets of time"),
         ({"effects": {"shadows": {"samples": -1}}}, "samples"),
         ({"effects": {"shadows": {"sample": 4}}}, "sample"),
     ],
@@ -462,8 +463,8 @@ def test_a_heuristic_is_told_each_sub_pixel_sample_and_decisions_sum_over_them()
 def decided(objects: list[int], rays: list[int]) -> Decisions:
     count = len(objects)
     ids, zeros = np.array(objects, np.int32), np.zeros(count, np.int32)
-    candidates = Candidates(("one",), ids, zeros, zeros, zeros.astype(np.float32), zeros > 0, zeros.astype(np.float32))
-    return Decisions(candidates, zeros > 0, zeros, zeros, np.array(rays), np.array(rays) / 2)
+    work = candidates(rays, effect_names=("one",), object_id=ids)
+    return Decisions(work, zeros > 0, zeros, zeros, np.array(rays), np.array(rays) / 2)
 
 
 def test_samples_that_see_other_objects_are_summed_by_object() -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from candidate_kit import candidates
 
 from phrt.candidates import WorkItems
 from phrt.errors import PhrtWarning, PluginError
@@ -122,19 +125,25 @@ def work_items() -> WorkItems:
     first = np.concatenate([[0], np.cumsum(SIZES)[:-1]])
     pixels = np.arange(600, dtype=np.int32)
     counts = np.array([*SIZES, *SIZES[1:]], np.int32)
-    candidates = Candidates(
+    items = candidates(
+        2.0 * counts,
         effect_names=("one", "two"),
         object_id=np.array([1, 2, 3, 2, 3], np.int32),
         effect=np.array([0, 0, 0, 1, 1], np.int32),
         pixel_count=counts,
         ray_estimate=np.full(5, 2.0, np.float32),
-        mandatory=np.zeros(5, bool),
         area=(counts / 600).astype(np.float32),
     )
-    return WorkItems(candidates, [pixels, pixels[300:]], np.array([*first, 0, 200]))
+    return WorkItems(items, [pixels, pixels[300:]], np.array([*first, 0, 200]))
 
 
-def run(effects: list[Painter], heuristic: Heuristic, faults: Faults | None = None) -> tuple[Any, LayerSet]:
+def run(
+    effects: list[Painter],
+    heuristic: Heuristic,
+    faults: Faults | None = None,
+    budget: float = math.inf,
+    work: WorkItems | None = None,
+) -> tuple[Any, LayerSet]:
     layers = LayerSet({}, {})
     for effect in effects:
         layers.arrays[effect.writes.name] = np.full((600, 1), effect.writes.clear, np.float32)
@@ -145,8 +154,8 @@ def run(effects: list[Painter], heuristic: Heuristic, faults: Faults | None = No
         view=SimpleNamespace(width=30, height=20),
         surfaces=SimpleNamespace(object_id=np.repeat(np.array([1, 2, 3], np.uint32), SIZES)),
     )
-    context = FrameContext(frame.world, 0, 0.0, float("inf"))
-    work = work_items()
+    context = FrameContext(frame.world, 0, 0.0, budget)
+    work = work or work_items()
     faults = faults or Faults()
     decisions = BudgetScheduler(faults).run(frame, effects, work, heuristic, context, layers)  # type: ignore[arg-type]
     apply_fallbacks(frame, effects, work, decisions, layers, faults)  # type: ignore[arg-type]
@@ -351,3 +360,101 @@ def test_the_passes_of_an_item_make_the_whole_item_without_repeats() -> None:
     assert heuristic.outcomes[0].complete
     with pytest.raises(PluginError, match="or twice"):
         run(painters(), Picks([0, Request(0, 1)]))
+
+
+# --- budgets -------------------------------------------------------------------------------------------------------
+
+
+class Frugal(Painter):
+    """Takes one ray a pixel where two were expected."""
+
+    def trace(self, frame: Any, pixels: np.ndarray) -> EffectResult:
+        return EffectResult(super().trace(frame, pixels).values, len(pixels))
+
+
+class Dear(Painter):
+    """Takes four rays a pixel where two were expected."""
+
+    def trace(self, frame: Any, pixels: np.ndarray) -> EffectResult:
+        return EffectResult(super().trace(frame, pixels).values, 4 * len(pixels))
+
+
+class Watched(Picks):
+    """Remembers what was left each time it was asked."""
+
+    def begin_frame(self, candidates: Candidates, context: FrameContext) -> None:
+        super().begin_frame(candidates, context)
+        self.remaining: list[float] = []
+
+    def next(self, remaining: float) -> int | Request | None:
+        self.remaining.append(remaining)
+        return super().next(remaining)
+
+
+def test_what_an_item_is_predicted_to_take_is_off_the_budget_at_once() -> None:
+    heuristic = Watched([0, Request(1, 1), 3])
+    decisions, layers = run(painters(), heuristic, budget=1200)
+    assert heuristic.remaining[:4] == [1200, 600, 500, 100]
+    assert decisions.rays.tolist() == [600, layers.rays["one"] - 600, 0, 400, 0]
+    assert decisions.budget == 1200
+    assert decisions.measured
+
+
+def test_an_item_that_is_predicted_to_pass_what_is_left_is_not_started() -> None:
+    effects = painters()
+    decisions, layers = run(effects, Picks([0, 1, 2, 3, 4]), budget=850)
+    assert decisions.chosen.tolist() == [True, False, True, False, False]
+    assert layers.rays == {"one": 800}
+    assert np.all(layers.masks["one_layer"][300:500] == 0)
+    assert not effects[1].asked
+
+
+def test_an_item_may_take_exactly_what_is_left() -> None:
+    decisions, _ = run(painters(), Picks([0, 1, 2]), budget=1000)
+    assert decisions.chosen.tolist() == [True, True, False, False, False]
+
+
+@pytest.mark.parametrize(
+    ("kind", "left", "chosen"),
+    [(Frugal, 700.0, [True, True, True, False, False]), (Dear, 0.0, [True, False, False, False, False])],
+)
+def test_what_a_wave_really_took_replaces_the_prediction(kind: type[Painter], left: float, chosen: list[bool]) -> None:
+    heuristic = Watched([0, None, 1, 2])
+    decisions, _ = run([kind("one"), Painter("two")], heuristic, budget=1000)
+    assert heuristic.remaining[2] == left
+    assert decisions.chosen.tolist() == chosen
+
+
+def test_a_wave_under_a_budget_is_bounded() -> None:
+    work = work_items()
+    large = work.candidates.predicted_cost * np.float32(100)
+    work = WorkItems(replace(work.candidates, predicted_cost=large), work.pixels, work.first)
+    heuristic = Watched([0, 1, 2, 3, 4])
+    run(painters(), heuristic, budget=250_000, work=work)
+    # 60,000 and 40,000 rays are more than a wave holds; the next wave begins with what was not needed after all.
+    assert heuristic.remaining[:4] == [250_000, 190_000, 249_000, 229_000]
+    assert heuristic.calls == ["begin", "report 0", "report 1", "report 2", "report 3", "report 4", "end"]
+
+
+def test_under_a_budget_every_item_has_its_own_account() -> None:
+    class Uneven(Painter):
+        def trace(self, frame: Any, pixels: np.ndarray) -> EffectResult:
+            return EffectResult(
+                super().trace(frame, pixels).values, int((pixels < 300).sum() * 3 + (pixels >= 300).sum())
+            )
+
+    decisions, _ = run([Uneven("one"), Painter("two")], Picks([0, 1]), budget=2000)
+    assert decisions.rays.tolist() == [900, 200, 0, 0, 0]
+    shared, _ = run([Uneven("one"), Painter("two")], Picks([0, 1]))
+    assert shared.rays.tolist() == [660, 440, 0, 0, 0]
+    assert not shared.measured
+
+
+def test_an_item_that_was_refused_is_not_asked_for_again_in_the_wave() -> None:
+    with pytest.raises(PluginError, match="heuristic Picks returned item 0: not one of 5, or twice"):
+        run(painters(), Picks([0, 0]), budget=500)
+
+
+def test_no_budget_at_all_traces_nothing() -> None:
+    decisions, _ = run(painters(), Picks([0, 1, 2, 3, 4]), budget=0)
+    assert not decisions.chosen.any()

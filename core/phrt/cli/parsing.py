@@ -51,15 +51,6 @@ def parse_frames(text: str) -> FrameRange:
     return FrameRange(first, stop)
 
 
-def parse_budget(text: str) -> None:
-    """ "none" as None; no other budget exists yet."""
-    if text.strip().lower() != "none":
-        raise OptionError(
-            f"--budget is '{text}', but budgets are not available yet: this version traces all the heuristic asks for. "
-            "Allowed: none"
-        )
-
-
 def parse_value(text: str) -> object:
     """`text` as YAML would read it: 4, 0.5, true, [1, 2], none of them: text."""
     import yaml
@@ -80,6 +71,17 @@ def parse_effects(assignments: Iterable[str]) -> dict[str, dict[str, object]]:
             raise OptionError(f"--effect is '{assignment}', expected EFFECT.OPTION=VALUE, as in shadows.samples=4")
         effects.setdefault(effect, {})[option] = parse_value(value)
     return effects
+
+
+def parse_heuristic_options(assignments: Iterable[str]) -> dict[str, object]:
+    """Every "OPTION=VALUE" of `-H`."""
+    options: dict[str, object] = {}
+    for assignment in assignments:
+        key, equals, value = assignment.partition("=")
+        if not (equals and key.strip()):
+            raise OptionError(f"-H is '{assignment}', expected OPTION=VALUE, as in seed=3")
+        options[key.strip()] = parse_value(value)
+    return options
 
 
 def parse_camera(text: str) -> int | str:

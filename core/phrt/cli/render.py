@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from phrt.budget import parse_budget
 from phrt.cli.console import DelayedProgress, say, terminal, warn_of
 from phrt.cli.options import DebugOption, JsonOption, PluginOption, QuietOption, SceneArgument
 from phrt.cli.parsing import (
     FrameRange,
     check_number,
-    parse_budget,
     parse_camera,
     parse_effects,
     parse_frames,
+    parse_heuristic_options,
     parse_size,
 )
 from phrt.errors import OptionError
@@ -50,7 +51,16 @@ def render(
     heuristic: Annotated[
         str | None, typer.Option(help=f"Who decides what is traced; the scene's, or {DEFAULT_HEURISTIC}.")
     ] = None,
-    budget: Annotated[str, typer.Option(help="Ray tracing a frame may take: none, for now.")] = "none",
+    heuristic_option: Annotated[
+        list[str] | None,
+        typer.Option("-H", "--heuristic-option", metavar="OPTION=VALUE", help="Option of the heuristic, as seed=3."),
+    ] = None,
+    budget: Annotated[
+        str, typer.Option(metavar="RAYS", help="Secondary rays a frame may take, as 200000rays, or none.")
+    ] = "none",
+    persistence: Annotated[
+        float | None, typer.Option(help="How much having been traced in the previous frame counts: I of the paper.")
+    ] = None,
     frames: Annotated[
         str | None, typer.Option(metavar="A:B", help="Frames A to B - 1, or one frame; all of them for a video.")
     ] = None,
@@ -87,7 +97,10 @@ def render(
 ) -> None:
     """Render SCENE into a picture, a sequence, a video or EXR layers."""
     # What can be wrong without reading the scene is said before reading it.
-    parse_budget(budget)
+    rays = parse_budget(budget, "--budget")
+    decides = parse_heuristic_options(heuristic_option or [])
+    if persistence is not None:
+        check_number("--persistence", persistence, 0, 1e9)
     options = parse_effects(effect or [])
     given_size = None if size is None else parse_size(size)
     given_frames = None if frames is None else parse_frames(frames)
@@ -96,6 +109,7 @@ def render(
     from phrt.cli.writers import is_video, open_writer
     from phrt.description.seen import lacking
     from phrt.loading import load_scene
+    from phrt.relevance import DEFAULT_PERSISTENCE
     from phrt.renderer import Renderer
 
     with DelayedProgress(1, f"loading {scene.name}"):
@@ -116,7 +130,9 @@ def render(
             loaded,
             size=width_height,
             heuristic=heuristic or settings.heuristic or DEFAULT_HEURISTIC,
-            budget=None,
+            heuristic_options=decides or None,
+            budget=rays,
+            persistence=DEFAULT_PERSISTENCE if persistence is None else persistence,
             gbuffer=gbuffer,
             tracer=tracer,
             threads=threads,

@@ -19,25 +19,52 @@ BudgetUnit = Literal["none", "rays", "ms"]
 class Candidates:
     """The work items of one frame, as a struct of arrays; item i is row i of every array. n items.
 
-    object_id     : (n,) int32, 1-based scene object
-    effect        : (n,) int32, index into `effect_names`
-    pixel_count   : (n,) int32, visible pixels the effect applies to
-    ray_estimate  : (n,) float32, Q, expected rays per pixel
-    mandatory     : (n,) bool, the scene says "always"
-    area          : (n,) float32, A, 0..1, pixel_count / all pixels of the picture
-    The paper's other letters (P, D, V, C, K, S, R) join as further arrays of this struct.
+    object_id         : (n,) int32, 1-based scene object
+    effect            : (n,) int32, index into `effect_names`
+    pixel_count       : (n,) int32, visible pixels the effect applies to
+    mandatory         : (n,) bool, the scene says "always"
+    predicted_cost    : (n,) float32, what tracing the whole item is predicted to take, in the budget's unit (rays); >= 1
+
+    The paper's letters (phrt.relevance has the equations):
+    ray_estimate      : (n,) float32, Q, expected rays per pixel, estimated before the run
+    area              : (n,) float32, A, the object's visible pixels / all pixels
+    center_closeness  : (n,) float32, P, 1 at the view centre, 0 outside the view
+    distance          : (n,) float32, D, observer to object centre, metres, at least the near plane
+    visibility        : (n,) float32, V = A P / D
+    cost              : (n,) float32, C = V Q; it has no unit, so budgets are held by `predicted_cost`
+    importance_factor : (n,) float32, K, the object's importance relative to the others; 1 on average over the scene
+    was_selected      : (n,) bool, S, traced in the previous frame
+    relevance         : (n,) float32, R = (S I + V) K
+    persistence       : I, the same for all: how much having been selected counts
     """
 
     effect_names: tuple[str, ...]
     object_id: np.ndarray
     effect: np.ndarray
     pixel_count: np.ndarray
-    ray_estimate: np.ndarray
     mandatory: np.ndarray
+    predicted_cost: np.ndarray
+    ray_estimate: np.ndarray
     area: np.ndarray
+    center_closeness: np.ndarray
+    distance: np.ndarray
+    visibility: np.ndarray
+    cost: np.ndarray
+    importance_factor: np.ndarray
+    was_selected: np.ndarray
+    relevance: np.ndarray
+    persistence: float
 
     def __len__(self) -> int:
         return len(self.object_id)
+
+    def keys(self) -> np.ndarray:
+        """(n,) int64, one number per (object, effect): the same in every frame, and whatever the order of candidates and
+        effects is. What ties are broken with, and what memory between frames is kept by."""
+        rank = np.argsort(np.argsort(np.array(self.effect_names, dtype=str))).astype(np.int64)
+        if not len(self):
+            return np.zeros(0, np.int64)
+        return self.object_id.astype(np.int64) * len(rank) + rank[self.effect]
 
 
 @dataclass(frozen=True)
@@ -93,6 +120,9 @@ class Heuristic(ABC):
     `begin_frame`, then `next` and `report` in any interleaving (an item may be reported after later ones were asked for),
     then `end_frame`. What is kept from one sequence to the next must allow for candidates that come and go.
 
+    Mandatory items come first. No item comes twice, none whose `predicted_cost` is more than what remains; what nevertheless
+    does is not traced. Decisions may depend on the candidates' values and `keys`, but not on their order.
+
     An exception, or an answer that is no item of the frame, ends the frame with a PluginError that names the heuristic.
     """
 
@@ -105,7 +135,8 @@ class Heuristic(ABC):
         """The next item to trace (a row of the candidates, each at most once, or a `Request` for part of one), or None
         when nothing should follow.
 
-        remaining: what is left of `context.budget`, in `context.budget_unit`; +inf without a budget.
+        remaining: what is left of `context.budget`, in `context.budget_unit`, less what is predicted for items handed out and
+        not reported yet; +inf without a budget. It rises again when items took less than predicted.
         """
 
     def report(self, item: int, outcome: Outcome) -> None:

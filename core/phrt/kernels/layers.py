@@ -78,6 +78,13 @@ def fill_gaps(pixels, object_id, mask, width, height, traced_code, filled_code, 
 
 
 @kernel
+def count_objects(object_id, counts):
+    """counts (N + 1,) int64 += how many of the pixels (P,) show each object."""
+    for i in range(len(object_id)):
+        counts[object_id[i]] += 1
+
+
+@kernel
 def sort_by_object(order, object_id, material_id, applies, allowed, start, pixels):
     """Counting sort of the pixels an effect applies to, by object, in tile order within one.
 

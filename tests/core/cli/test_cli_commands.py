@@ -100,6 +100,24 @@ def test_raster_only_traces_nothing_but_primary_rays(
     assert sum(count for kind, count in rays.items() if kind != "primary") == 0
 
 
+def test_a_budget_and_options_of_the_heuristic_reach_the_frame(
+    capsys: pytest.CaptureFixture[str], scene: str, tmp_path: Path
+) -> None:
+    def rays(*arguments: str) -> dict[str, int]:
+        out, _ = render(capsys, scene, tmp_path / "x.png", "--json", "--gbuffer", "raycast", *arguments)
+        counts = json.loads(out)["frames"][0]["rays"]
+        assert counts.pop("primary") == 32 * 18
+        return {kind: count for kind, count in counts.items() if count}
+
+    everything = rays()
+    budget = sum(everything.values()) // 2
+    some = rays("--heuristic", "random", "-H", "seed=3", "--budget", f"{budget}rays")
+    assert 0 < sum(some.values()) < sum(everything.values())
+    assert rays("--budget", "0rays", "--persistence", "0") == {}
+    assert cli.run(["render", scene, "-o", str(tmp_path / "x.png"), "--heuristic", "random", "-H", "sed=3"]) == 2
+    assert "heuristic 'random': unknown option 'sed'" in capsys.readouterr().err
+
+
 def test_effects_overrides_and_exposure_reach_the_picture(
     capsys: pytest.CaptureFixture[str], scene: str, tmp_path: Path
 ) -> None:

@@ -81,7 +81,16 @@ def test_built_in_plugins_are_all_there() -> None:
     assert names["gbuffer"] == ["moderngl", "raycast"]
     assert names["tracer"] == ["embree", "numpy", "open3d"]
     assert names["effect"] == ["shadows", "reflections", "refractions", "ambient_occlusion"]
-    assert names["heuristic"] == ["all_trace", "raster_only"]
+    assert names["heuristic"] == [
+        "all_trace",
+        "greedy_ratio",
+        "greedy_relevance",
+        "random",
+        "raster_only",
+        "round_robin",
+        "selection_graph",
+        "uniform",
+    ]
     assert names["loader"] == ["atrium", "gltf", "mesh"]
     assert get_registry().broken == []
 

@@ -1,0 +1,48 @@
+"""Experience: what earlier frames taught about every object and effect - was it selected, how many rays does a pixel take."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phrt.frame import Decisions
+
+MEMORY_FRAMES = 8
+"""Measurements that the mean of rays per pixel is made of, nearly: a new one counts at least 1 / MEMORY_FRAMES."""
+
+
+class Experience:
+    """Kept by (object, effect); arrays (N + 1, effects).
+
+    was_selected   : bool, S, traced in the previous frame
+    rays_per_pixel : float64, mean of what was measured; the estimate Q where nothing was
+    measurements   : int32, how often it was measured
+    """
+
+    def __init__(self, object_count: int, ray_estimates: list[float]) -> None:
+        shape = (object_count + 1, len(ray_estimates))
+        self.was_selected = np.zeros(shape, bool)
+        self.rays_per_pixel = np.broadcast_to(np.array(ray_estimates, np.float64), shape).copy()
+        self.measurements = np.zeros(shape, np.int32)
+
+    def predict_rays(self, object_id: np.ndarray, effect: np.ndarray, pixel_count: np.ndarray) -> np.ndarray:
+        """(n,) float32, rays that tracing the items will take; whole numbers, at least 1: no item is free."""
+        rays = pixel_count * self.rays_per_pixel[object_id, effect]
+        return np.maximum(np.ceil(rays), 1.0).astype(np.float32)
+
+    def learn_costs(self, decisions: Decisions) -> None:
+        """Take what was measured into the mean: the first measurement replaces the estimate, later ones move it."""
+        if not decisions.measured:
+            return
+        items = np.flatnonzero(decisions.chosen & (decisions.traced_pixels > 0))
+        where = decisions.candidates.object_id[items], decisions.candidates.effect[items]
+        measured = decisions.rays[items] / decisions.traced_pixels[items]
+        self.measurements[where] += 1
+        weight = 1.0 / np.minimum(self.measurements[where], MEMORY_FRAMES)
+        self.rays_per_pixel[where] += weight * (measured - self.rays_per_pixel[where])
+
+    def note_selected(self, frame: list[Decisions]) -> None:
+        """A frame is finished: `frame` are the decisions of its sub-pixel samples."""
+        self.was_selected[:] = False
+        for decisions in frame:
+            chosen = decisions.chosen
+            self.was_selected[decisions.candidates.object_id[chosen], decisions.candidates.effect[chosen]] = True

@@ -1,0 +1,121 @@
+"""What every heuristic that ships keeps: the budget, no item twice, mandatory ones first, no matter how candidates are ordered."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from candidate_kit import candidates, context, items_of, one_frame, rows
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from phrt.interfaces.heuristic import PASSES, Candidates, Request
+from phrt.registry import get_registry
+
+UNHURRIED = settings(deadline=None)  # the first call may compile a kernel
+
+NAMES = sorted(entry.name for entry in get_registry().plugins("heuristic") if entry.origin == "built-in")
+CHOOSING = [name for name in NAMES if name != "raster_only"]
+VARIANTS = [
+    *((name, {}) for name in CHOOSING),
+    ("selection_graph", {"refresh_pointers": False, "n_pointers": 1}),
+    ("random", {"seed": 7}),
+]
+
+works = st.lists(st.tuples(st.integers(1, 50), st.integers(0, 8), st.booleans()), max_size=30)
+budgets = st.one_of(st.just(math.inf), st.integers(0, 600).map(float))
+
+
+def made_of(items: list[tuple[int, int, bool]]) -> Candidates:
+    return candidates([float(c) for c, _, _ in items], [r for _, r, _ in items], [m for _, _, m in items])
+
+
+@pytest.mark.parametrize(("name", "options"), VARIANTS)
+@UNHURRIED
+@given(items=works, budget=budgets)
+def test_no_item_is_over_the_remaining_budget_or_comes_twice(
+    name: str, options: dict[str, object], items: list[tuple[int, int, bool]], budget: float
+) -> None:
+    chosen = one_frame(get_registry().create("heuristic", name, options), made_of(items), budget)  # asserts what fits
+    passes = np.zeros(len(items), int)
+    for item, count in chosen:
+        passes[item] += count
+    assert passes.max(initial=0) <= PASSES
+    if budget == math.inf:
+        assert (passes == PASSES).all(), "with no limit everything is traced"
+
+
+@pytest.mark.parametrize(("name", "options"), VARIANTS)
+@UNHURRIED
+@given(items=works, falling=st.lists(st.integers(0, 80), max_size=100))
+def test_an_item_fits_whatever_is_left_at_each_call(
+    name: str, options: dict[str, object], items: list[tuple[int, int, bool]], falling: list[int]
+) -> None:
+    """What is left may also rise, when items took less than predicted."""
+    heuristic = get_registry().create("heuristic", name, options)
+    heuristic.begin_frame(made_of(items), context())
+    for remaining in falling:
+        answer = heuristic.next(float(remaining))
+        if answer is not None:
+            request = answer if isinstance(answer, Request) else Request(answer)
+            assert items[request.item][0] * request.passes / PASSES <= remaining
+
+
+@pytest.mark.parametrize(("name", "options"), VARIANTS)
+@UNHURRIED
+@given(items=works, budget=budgets)
+def test_mandatory_items_come_first(
+    name: str, options: dict[str, object], items: list[tuple[int, int, bool]], budget: float
+) -> None:
+    chosen = items_of(get_registry().create("heuristic", name, options), made_of(items), budget)
+    mandatory = [items[item][2] for item in chosen]
+    assert mandatory == sorted(mandatory, reverse=True)
+    if sum(cost for cost, _, always in items if always) <= budget:
+        assert sum(mandatory) == sum(always for _, _, always in items)
+
+
+@pytest.mark.parametrize(("name", "options"), VARIANTS)
+@UNHURRIED
+@given(items=works, budget=budgets, shuffle=st.randoms(use_true_random=False))
+def test_the_order_of_candidates_does_not_matter(
+    name: str, options: dict[str, object], items: list[tuple[int, int, bool]], budget: float, shuffle: object
+) -> None:
+    work = made_of(items)
+    order = np.arange(len(items))
+    shuffle.shuffle(order)  # type: ignore[attr-defined]
+    one = one_frame(get_registry().create("heuristic", name, options), work, budget)
+    other = one_frame(get_registry().create("heuristic", name, options), rows(work, order), budget)
+    assert [(int(order[item]), passes) for item, passes in other] == one
+
+
+@pytest.mark.parametrize(("name", "options"), VARIANTS)
+def test_no_candidate_one_candidate_and_all_equal(name: str, options: dict[str, object]) -> None:
+    heuristic = get_registry().create("heuristic", name, options)
+    assert one_frame(heuristic, candidates([])) == []
+    assert set(items_of(heuristic, candidates([5.0]), 5.0)) == {0}
+    assert items_of(heuristic, candidates([5.0]), 1.0) == []
+    equal = items_of(heuristic, candidates([5.0] * 20, np.zeros(20)), 50.0)
+    assert sum(5 for _ in set(equal)) <= 100
+    assert len(equal) == (10 if name != "uniform" else 40)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_nothing_is_chosen_before_the_first_frame(name: str) -> None:
+    assert get_registry().create("heuristic", name).next(math.inf) is None
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_heuristic_has_a_manual_page_with_its_source_and_an_example(name: str) -> None:
+    page = type(get_registry().create("heuristic", name)).__module__
+    text = __import__(page, fromlist=["_"]).__doc__
+    assert text.startswith(f"{name}: ")
+    for part in ("Options: ", "Source: ", "Example::", f"--heuristic {name}"):
+        assert part in text
+
+
+def test_keys_are_of_object_and_effect_name_and_not_of_the_order_of_effects() -> None:
+    one = candidates([1.0, 1.0], effect_names=("a", "b"), effect=np.array([0, 1], np.int32))
+    other = candidates([1.0, 1.0], effect_names=("b", "a"), effect=np.array([1, 0], np.int32))
+    assert one.keys().tolist() == other.keys().tolist() == [2, 5]
+    assert len(set(one.keys().tolist())) == 2
