@@ -6,7 +6,6 @@ its page in the docs (Falcor's `GBuffer.cpp` and Hydra's `aov.h` do the same).
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -24,6 +23,10 @@ class Channel:
     space_unit: str
     clear: float | int
     meaning: str
+
+    def shape(self, height: int, width: int) -> tuple[int, ...]:
+        """Shape of its array in a picture of `width` x `height` pixels."""
+        return (height, width) if self.components == 1 else (height, width, self.components)
 
 
 CHANNELS: dict[str, Channel] = {
@@ -73,16 +76,6 @@ class GBuffer:
     height: int
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
 
-    @classmethod
-    def allocate(cls, width: int, height: int, channels: Iterable[str] = tuple(CHANNELS)) -> GBuffer:
-        """A G-buffer of `width` x `height` pixels with every channel at its clear value."""
-        buffer = cls(width, height)
-        for name in channels:
-            channel = CHANNELS[name]
-            shape = (height, width) if channel.components == 1 else (height, width, channel.components)
-            buffer.arrays[name] = np.full(shape, channel.clear, dtype=channel.dtype)
-        return buffer
-
     def __getattr__(self, name: str) -> np.ndarray:
         arrays = self.__dict__.get("arrays", {})
         if name not in arrays:
@@ -100,9 +93,7 @@ class GBuffer:
         """Raise `ValueError` where a channel's shape, dtype or values break the table. Used by tests, not per frame."""
         for name, array in self.arrays.items():
             channel = CHANNELS[name]
-            shape = (
-                (self.height, self.width) if channel.components == 1 else (self.height, self.width, channel.components)
-            )
+            shape = channel.shape(self.height, self.width)
             if array.shape != shape or array.dtype != channel.dtype:
                 raise ValueError(
                     f"channel '{name}' is {array.dtype}{array.shape}, expected {np.dtype(channel.dtype)}{shape}"

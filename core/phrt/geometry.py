@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -165,9 +165,9 @@ def with_normals(mesh: Mesh) -> Mesh:
             index = mesh.triangles[:, corner]
             for axis in range(3):
                 normals[:, axis] += np.bincount(index, area_normal[:, axis], minlength=len(normals))
-        return _replace(mesh, normals=_unit(normals.astype(np.float32)))
+        return replace(mesh, normals=_unit(normals.astype(np.float32)))
     order = mesh.triangles.reshape(-1)
-    return _replace(
+    return replace(
         mesh,
         positions=mesh.positions[order],
         normals=np.repeat(_unit(area_normal.astype(np.float32)), 3, axis=0),
@@ -192,12 +192,6 @@ def texture_density(positions: np.ndarray, uv: np.ndarray, triangles: np.ndarray
     a, b = t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]
     texture = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
     return (0.5 * np.log2(np.maximum(texture, 1e-20) / np.maximum(world, 1e-20))).astype(np.float32)
-
-
-def _replace(mesh: Mesh, **changes: object) -> Mesh:
-    from dataclasses import replace
-
-    return replace(mesh, **changes)  # type: ignore[arg-type]
 
 
 def mirrors(matrix: np.ndarray) -> np.ndarray:

@@ -23,11 +23,6 @@ DROP_WEIGHT = np.float32(1.0 / 256.0)
 _NOWHERE = np.zeros(3, np.float32)
 
 
-def rays_of(origin: np.ndarray, direction: np.ndarray, count: int) -> RayBatch:
-    """The first `count` rows as rays without end."""
-    return RayBatch(origin[:count], direction[:count], np.full(count, np.inf, np.float32))
-
-
 def nearest(frame: Frame, rays: RayBatch) -> HitBatch:
     """Closest hits, holes of alpha-masked surfaces passed."""
     hits = frame.tracer.closest_hit(rays)

@@ -284,10 +284,7 @@ class ModernglProducer(GBufferProducer):
         buffer = GBuffer(view.width, view.height)
         for name in layout.channels:
             channel = CHANNELS[name]
-            shape = (
-                (view.height, view.width) if channel.components == 1 else (view.height, view.width, channel.components)
-            )
-            buffer.arrays[name] = self._buffers.take(shape, channel.dtype)
+            buffer.arrays[name] = self._buffers.take(channel.shape(view.height, view.width), channel.dtype)
         for i, (attachment, packed) in enumerate(zip(layout.attachments, target.packed, strict=True)):
             target.framebuffer.read_into(
                 packed, components=attachment.components, attachment=i, alignment=1, dtype="f4"

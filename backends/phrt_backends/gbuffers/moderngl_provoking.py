@@ -37,7 +37,7 @@ def own_corners(triangles: np.ndarray, row: np.ndarray, owner: np.ndarray, verti
 
 
 @kernel
-def _claim(triangles, row, owner, taken, turned, copies, copy_owner, vertex_row):  # type: ignore[no-untyped-def]
+def _claim(triangles, row, owner, taken, turned, copies, copy_owner, vertex_row):
     """First come, first served; returns how many vertices had to be doubled."""
     count = 0
     for t in range(len(triangles)):

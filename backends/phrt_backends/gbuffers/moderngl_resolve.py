@@ -17,7 +17,7 @@ CODE_BITS = np.uint32(CODE_TAG - 1)
 
 
 @kernel
-def resolve_points(  # type: ignore[no-untyped-def]
+def resolve_points(
     packed, bits, eye, forward, row_object, row_primitive, row_material, code_normal,
     position, depth, object_id, primitive_id, material_id, normal,
 ):  # fmt: skip
@@ -45,7 +45,7 @@ def resolve_points(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def resolve_normals(packed, bits, normal, uv):  # type: ignore[no-untyped-def]
+def resolve_normals(packed, bits, normal, uv):
     """packed (n, 4) float32: folded normal, uv; bits (n, 4) uint32: the `point` attachment; code 0 is background."""
     for i in range(len(packed)):
         if len(uv):
@@ -62,7 +62,7 @@ def resolve_normals(packed, bits, normal, uv):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def resolve_constants(material_id, values, out):  # type: ignore[no-untyped-def]
+def resolve_constants(material_id, values, out):
     """out (n, m) float32: values (materials, m) of each pixel's material."""
     for i in range(len(material_id)):
         for k in range(out.shape[1]):

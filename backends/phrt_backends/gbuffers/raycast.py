@@ -62,10 +62,7 @@ class RaycastProducer(GBufferProducer):
         gbuffer = GBuffer(view.width, view.height)
         # Motion is left out unless asked for: what nobody fills would hold an old frame's bytes.
         for channel in (c for c in CHANNELS.values() if c.name != "motion" or "motion" in channels):
-            shape: tuple[int, ...] = (view.height, view.width)
-            gbuffer.arrays[channel.name] = self._buffers.take(
-                shape if channel.components == 1 else (*shape, channel.components), channel.dtype
-            )
+            gbuffer.arrays[channel.name] = self._buffers.take(channel.shape(view.height, view.width), channel.dtype)
         out = surface_arrays(gbuffer)
         order = tile_order(view.width, view.height) if pixels is None else pixels
         world_from_view = view.world_from_view.astype(np.float32)

@@ -49,13 +49,13 @@ def bind_queries(library: EmbreeLibrary) -> None:
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _aligned_words(buffer):  # type: ignore[no-untyped-def]
+def _aligned_words(buffer):
     """Index of the first 64-byte aligned word of `buffer` (n,) uint32."""
     return ((_ALIGNMENT - buffer.ctypes.data % _ALIGNMENT) % _ALIGNMENT) // 4
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _fill_packet(first, rays, mask, origin, direction, t_max, packet, words, valid):  # type: ignore[no-untyped-def]
+def _fill_packet(first, rays, mask, origin, direction, t_max, packet, words, valid):
     """Rays `first` to `first + rays` into the lanes of a packet; a lane without a usable ray is switched off.
 
     NaN or infinite rays and empty intervals are misses by definition; Embree does not promise anything for them.
@@ -83,9 +83,7 @@ def _fill_packet(first, rays, mask, origin, direction, t_max, packet, words, val
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def closest_hit_packets(  # type: ignore[no-untyped-def]
-    scene, arguments, first_triangle, origin, direction, t_max, distance, primitive, barycentric
-):
+def closest_hit_packets(scene, arguments, first_triangle, origin, direction, t_max, distance, primitive, barycentric):
     """Nearest hits of n rays.
 
     scene, arguments : addresses of a committed RTCScene and of QueryArguments
@@ -119,7 +117,7 @@ def closest_hit_packets(  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def occluded_packets(scene, arguments, origin, direction, t_max, blocked):  # type: ignore[no-untyped-def]
+def occluded_packets(scene, arguments, origin, direction, t_max, blocked):
     """Is anything that casts a shadow in the way of n rays? Arguments as above; blocked (n,) bool is written."""
     buffer = np.zeros(_WORDS + LANES + _ALIGNMENT // 4, np.uint32)
     start = _aligned_words(buffer)

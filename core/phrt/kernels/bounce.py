@@ -9,7 +9,7 @@ import numpy as np
 from phrt.kernels.environment import environment_radiance
 from phrt.kernels.jit import device, kernel
 from phrt.kernels.random import orthonormal, pixel_sample
-from phrt.kernels.shade import ambient_light, fresnel_dielectric, reflectance
+from phrt.kernels.shade import ambient_light, reflectance
 from phrt.kernels.shadow import bias_at
 
 f32 = np.float32
@@ -333,10 +333,3 @@ def shade_and_spawn(direction, distance, path_length, weight, target, medium, su
         radiance[t, 1] += wg * sum_g
         radiance[t, 2] += wb * sum_b
     return count
-
-
-@kernel
-def exact_fresnel(cosines, eta, out):
-    """`fresnel_dielectric` of an array, for tests: cosines (n,), out (n,)."""
-    for i in range(len(cosines)):
-        out[i] = fresnel_dielectric(cosines[i], eta)
