@@ -114,8 +114,8 @@ class Renderer:
         self.world = World(scene)
         self.tracer: Tracer = registry.create("tracer", self.tracer_name)
         self.tracer.build(self.world)
-        needs_tracer = getattr(registry.get("gbuffer", self.gbuffer_name), "needs_tracer", False)
-        dependencies = {"tracer": self.tracer, "workers": self.workers} if needs_tracer else {}
+        self._traces_primary = bool(getattr(registry.get("gbuffer", self.gbuffer_name), "needs_tracer", False))
+        dependencies = {"tracer": self.tracer, "workers": self.workers} if self._traces_primary else {}
         self.producer: GBufferProducer = registry.create("gbuffer", self.gbuffer_name, **dependencies)
         self.producer.build(self.world)
         self._scopes = scopes_of(self.effects, self.world)
@@ -194,7 +194,10 @@ class Renderer:
             decisions.append(sample.decisions)
             if self.aa > 1:
                 for name, array in {_IMAGE: sample.image, **sample.layers.arrays}.items():
-                    sums[name] = sums[name] + array if name in sums else array.copy()
+                    if name in sums:
+                        sums[name] += array
+                    else:
+                        sums[name] = array.copy()
             stages.done("composite")
         self._experience.note_selected(decisions)
         means = {name: total / np.float32(self.aa) for name, total in sums.items()}
@@ -304,7 +307,7 @@ class Renderer:
             layers.arrays, layers.masks, self._exposure(view), image, self.workers,
         )  # fmt: skip
         stages.done("composite")
-        rays = {"primary": count if self.gbuffer_name == "raycast" else 0, **layers.rays}
+        rays = {"primary": count if self._traces_primary else 0, **layers.rays}
         return _Sample(view, image, gbuffer, direct, layers, decisions, rays)
 
     def _clear_layers(self, count: int) -> LayerSet:
