@@ -6,6 +6,10 @@ from pathlib import Path
 
 import needs
 import pytest
+from hypothesis import settings
+
+settings.register_profile("unhurried", deadline=None)  # a first call may load or compile a kernel
+settings.load_profile("unhurried")
 
 
 @pytest.fixture(scope="session")

@@ -38,6 +38,9 @@ class RoundRobin(Heuristic):
     def next(self, remaining: float) -> int | None:
         return self._queue.next(remaining) if self._queue else None
 
+    def take(self, remaining: float, enough: float) -> np.ndarray | None:
+        return self._queue.take(remaining, enough) if self._queue else None
+
     def report(self, item: int, outcome: Outcome) -> None:
         self._turn += 1
         self._last_traced[self._keys[item]] = self._turn
