@@ -7,6 +7,7 @@ start: caches, kernels and what heuristics learn are then in place, and the view
 
 from __future__ import annotations
 
+import re
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -173,7 +174,8 @@ def prediction_errors(decisions: Decisions) -> tuple[dict[str, float], dict[str,
 
 @dataclass
 class Contest:
-    """What was found. entrants: the reference first. warnings: what renderers had to say, each once."""
+    """What was found. entrants: the reference first. warnings: what renderers had to say; of those that differ in a number
+    only the first."""
 
     rules: Rules
     budget: Budget
@@ -202,7 +204,7 @@ def _renderer(
 ) -> Iterator[Renderer]:
     with Renderer(
         scene, size=size, threads=threads, gbuffer="raycast", tracer="embree", heuristic=heuristic,
-        effects=rules.effects, history=rules.history, strict=True, **more,
+        effects=rules.effects, strict=True, **more,
     ) as renderer:  # fmt: skip
         yield renderer
 
@@ -258,7 +260,8 @@ def hold(
                 for index, at in block:
                     entrant.render(index, at, path, counts=True)
     said = [str(entry.message) for entry in told if issubclass(entry.category, PhrtWarning)]
-    contest = Contest(rules, budget, path, entrants, list(dict.fromkeys(said)))
+    kinds = {re.sub(r"\d+", "#", text): text for text in reversed(said)}
+    contest = Contest(rules, budget, path, entrants, list(reversed(kinds.values())))
     _look(contest, threads, progress)
     return contest
 

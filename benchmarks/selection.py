@@ -14,7 +14,6 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
-from contest import heuristics_here
 from rich.table import Table
 from rows import Row, row
 from watch import Watch
@@ -202,17 +201,18 @@ def decide(heuristic: str, made: Made, repeats: int, threads: int = 2) -> Decidi
 
 
 def measure(
+    names: Sequence[str],
     repeats: int,
     counts: Sequence[int] = COUNTS,
     *,
     threads: int = 2,
     progress: Callable[[str], None] = lambda text: None,
 ) -> list[Deciding]:
-    """Every heuristic with every number of candidates."""
+    """Every heuristic of `names` with every number of candidates."""
     found = []
     for count in counts:
         made = Made(count)
-        for name in heuristics_here():
+        for name in names:
             progress(f"row 9: {name}, {count:,} candidates")
             found.append(decide(name, made, repeats, threads))
     return found
