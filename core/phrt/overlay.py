@@ -45,7 +45,7 @@ def overlay(frame: FrameResult, effect: str | None = None, *, tone_map: str = "n
     kinds = pixel_kinds(frame, effect)
     pixels = tinted(to_8bit(frame.image, tone_map), kinds)
     hatch(pixels, mandatory_pixels(frame, effect))
-    outline(pixels, frame.gbuffer.object_id, kinds)
+    outline(pixels, frame.gbuffer.object_id)
     return annotate(pixels, frame, effect or ALL)
 
 
@@ -83,7 +83,7 @@ def effect_kinds(frame: FrameResult, effect: str) -> np.ndarray:
     # A fallback of `none` leaves no mark. Where nothing of an item has one, all of it is skipped; else it does not apply there.
     marked = np.zeros(len(items.exists), bool)
     marked[object_id[held | (mask == MASK_FALLBACK)]] = True
-    bare = items.exists & ~marked
+    bare = items.exists & ~marked & ~items.whole
     kinds[mask == MASK_NONE] = UNTOUCHED
     kinds[(mask == MASK_NONE) & (bare | items.partial)[object_id]] = SKIPPED
     return kinds
@@ -91,9 +91,10 @@ def effect_kinds(frame: FrameResult, effect: str) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Items:
-    """The items of an effect by object, (N + 1,) bool each: is there one, was it traced in part, is it mandatory."""
+    """The items of an effect by object, (N + 1,) bool each: is there one, was it traced whole, in part, is it mandatory."""
 
     exists: np.ndarray
+    whole: np.ndarray
     partial: np.ndarray
     mandatory: np.ndarray
 
@@ -109,7 +110,7 @@ def items_of(frame: FrameResult, effect: str) -> Items:
     begun[objects[decisions.chosen[rows]]] = True
     lacking[objects[~is_whole(frame)[rows]]] = True
     mandatory[objects[candidates.mandatory[rows]]] = True
-    return Items(exists, begun & lacking, mandatory)
+    return Items(exists, exists & ~lacking, begun & lacking, mandatory)
 
 
 def is_whole(frame: FrameResult) -> np.ndarray:
@@ -147,17 +148,12 @@ def tinted(pixels: np.ndarray, kinds: np.ndarray) -> np.ndarray:
     return (mixed + 0.5).astype(np.uint8)
 
 
-def outline(pixels: np.ndarray, object_id: np.ndarray, kinds: np.ndarray) -> None:
-    """Darken, in place, the pixels whose right or lower neighbour belongs to another object or is of another kind."""
+def outline(pixels: np.ndarray, object_id: np.ndarray) -> None:
+    """Darken, in place, the pixels whose right or lower neighbour belongs to another object."""
     edge = np.zeros(object_id.shape, bool)
-    for plane in (object_id, kinds):
-        edge[:, :-1] |= plane[:, 1:] != plane[:, :-1]
-        edge[:-1] |= plane[1:] != plane[:-1]
-    # Not inside the dithering that parts of items and history leave.
-    borders = np.zeros(object_id.shape, bool)
-    borders[:, :-1] |= object_id[:, 1:] != object_id[:, :-1]
-    borders[:-1] |= object_id[1:] != object_id[:-1]
-    pixels[edge & borders] //= 3
+    edge[:, :-1] |= object_id[:, 1:] != object_id[:, :-1]
+    edge[:-1] |= object_id[1:] != object_id[:-1]
+    pixels[edge] //= 3
 
 
 def hatch(pixels: np.ndarray, mandatory: np.ndarray) -> None:

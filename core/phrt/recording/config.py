@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel
@@ -13,6 +12,7 @@ from pydantic import BaseModel
 from phrt.budget import Budget
 from phrt.interfaces.effect import RayEffect
 from phrt.interfaces.heuristic import Heuristic
+from phrt.machine import cpu_model
 from phrt.registry import get_registry
 from phrt.workers import usable_cores
 
@@ -107,16 +107,6 @@ def versions() -> dict[str, str | None]:
 def machine() -> dict[str, Any]:
     """Processor, cores that may be used, memory, system."""
     return {"cpu": cpu_model(), "cores": usable_cores(), "memory_gb": memory_gb(), "system": platform.platform()}
-
-
-def cpu_model() -> str:
-    """The processor's name, as far as the system tells."""
-    cpuinfo = Path("/proc/cpuinfo")
-    if cpuinfo.exists():
-        for line in cpuinfo.read_text(encoding="utf-8", errors="replace").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
 
 
 def memory_gb() -> float | None:
