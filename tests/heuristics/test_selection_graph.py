@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from candidate_kit import candidates, context, items_of
 from hypothesis import given
