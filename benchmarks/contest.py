@@ -204,7 +204,7 @@ def _renderer(
 ) -> Iterator[Renderer]:
     with Renderer(
         scene, size=size, threads=threads, gbuffer="raycast", tracer="embree", heuristic=heuristic,
-        effects=rules.effects, strict=True, **more,
+        effects=rules.effects, history=rules.history, strict=True, **more,
     ) as renderer:  # fmt: skip
         yield renderer
 

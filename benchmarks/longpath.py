@@ -253,7 +253,7 @@ COUNTED = ("candidates", "chosen", "moved", "kilorays", "heuristic_kb", "residen
 
 def drift(values: Sequence[float]) -> float:
     """By how much `values` (one a lap) rise over the whole run, in percent of their median: the median of the slopes between
-    all pairs (Theil 1950, Sen 1968), which single slow laps do not move. 0 for fewer than two."""
+    all pairs (Sen 1968), which single slow laps do not move. 0 for fewer than two."""
     y = np.asarray(values, np.float64)
     if len(y) < 2 or np.median(y) == 0:
         return 0.0

@@ -91,10 +91,10 @@ class Made:
             ends = np.cumsum(size[mine])
             first[mine] = ends - size[mine]
             pixels.append(np.arange(ends[-1] if len(ends) else 0, dtype=np.int32))
-        rays = size * np.array(RAYS)[effect]
+        rays, held = size * np.array(RAYS)[effect], rng.integers(0, size + 1).astype(np.int32)
         units = Units(
             np.arange(self.count, dtype=np.int32), object_id, effect, first, size, rays,
-            rays * NANOSECONDS_PER_RAY * 1e-6,
+            rays * NANOSECONDS_PER_RAY * 1e-6, held, held * rng.uniform(1, 20, self.count),
         )  # fmt: skip
         return WorkItems(self._candidates(rng, units), units, pixels)
 
@@ -141,8 +141,8 @@ class Made:
             predicted_rays=drawn(units.rays),
             predicted_ms_paper=drawn(units.ms * rng.uniform(0.5, 2, n)),
             predicted_ms_measured=drawn(units.ms),
-            history_share=drawn(rng.random(n)),
-            history_age=drawn(since.clip(0, 20)),
+            history_share=drawn(units.held / units.count),
+            history_age=drawn(units.age_sum / np.maximum(units.held, 1)),
             seen_frames=rng.integers(1, 100, n).astype(np.int32),
             frames_since_traced=since,
             measured_change=change,
