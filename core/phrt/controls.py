@@ -103,7 +103,7 @@ def _checked(name: str, value: object, scene: Scene) -> object:
 def not_negative(name: str, value: object) -> float:
     """`value` as a finite number of 0 or more. Raises OptionError that calls it `name`."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 <= value < math.inf:
-        raise OptionError(f"{name} is {value!r}; it must be a finite number, 0 or more")
+        raise OptionError(f"{name} is {value!r}; it must be 0 or more, and finite")
     return float(value)
 
 

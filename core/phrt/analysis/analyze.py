@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -12,6 +11,7 @@ import numpy as np
 from phrt.analysis.probes import Findings, probe
 from phrt.analysis.rules import changes_nothing, factors, kinds_of, measured_factors, rule_factors
 from phrt.controls import known_situations
+from phrt.machine import machine_name
 from phrt.profile import (
     PROFILE_VERSION,
     EffectCost,
@@ -23,7 +23,6 @@ from phrt.profile import (
     objects_hash,
 )
 from phrt.scene import Scene, SceneObject
-from phrt.workers import usable_cores
 from phrt.world import World
 
 
@@ -77,17 +76,12 @@ def analyze(
             size=options.size,
             situations=list(situations),
             tone_map=options.tone_map,
-            machine=machine(),
+            machine=machine_name(),
         ),
         effects=_effects(looked.values()),
         objects={path: Given(importance=measured[path].importance, effects=measured[path].effects) for path in order},
         measured={path: measured[path] for path in order},
     )
-
-
-def machine() -> str:
-    """What costs depend on, roughly: the processor and how many cores of it can be used."""
-    return f"{platform.machine()} {platform.processor() or platform.system()}, {usable_cores()} cores"
 
 
 def _look(scene: Scene, options: ProbeOptions, done: Callable[[], None]) -> _Looked:
