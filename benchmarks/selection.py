@@ -21,6 +21,7 @@ from watch import Watch
 from phrt.candidates import Units, WorkItems
 from phrt.clock import RayClock
 from phrt.costs import CostModels
+from phrt.experience import Experience
 from phrt.faults import Faults
 from phrt.frame import Decisions
 from phrt.interfaces.effect import EffectResult, LayerSpec, RayEffect
@@ -96,7 +97,7 @@ class Made:
             np.arange(self.count, dtype=np.int32), object_id, effect, first, size, rays,
             rays * NANOSECONDS_PER_RAY * 1e-6, held, held * rng.uniform(1, 20, self.count),
         )  # fmt: skip
-        return WorkItems(self._candidates(rng, units), units, pixels)
+        return WorkItems(self._candidates(rng, units), units, pixels, WIDTH)
 
     @cached_property
     def frames(self) -> list[WorkItems]:
@@ -172,7 +173,9 @@ def decide(heuristic: str, made: Made, repeats: int, threads: int = 2) -> Decidi
     """Frames of one heuristic; as many again come first and are not counted."""
     effects: list[RayEffect] = [NoEffect(name, rays) for name, rays in zip(EFFECTS, RAYS, strict=True)]
     chooser = get_registry().create("heuristic", heuristic)
-    scheduler = BudgetScheduler(CostModels(EFFECTS), Faults(strict=True), RayClock(NANOSECONDS_PER_RAY))
+    experience = Experience(int(made.work.units.object_id.max()), list(RAYS))
+    clock = RayClock(NANOSECONDS_PER_RAY)
+    scheduler = BudgetScheduler(CostModels(EFFECTS), experience, faults=Faults(strict=True), clock=clock)
     workers, watch = Workers(threads), Watch()
     watch.sees_the_pool(workers)
     frame = cast(Any, SimpleNamespace(workers=workers, view=SimpleNamespace(width=WIDTH), world=None))
