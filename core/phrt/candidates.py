@@ -181,8 +181,7 @@ def _with_letters(
         effect[units.item] = units.effect
     objects = sight.letters(frame.world, frame.view, visible_pixels)
     visible, importance = objects.visibility[object_id], objects.importance_factor[object_id]
-    estimate = np.array([scope.rays_per_pixel for scope in scopes], np.float64)
-    ray_estimate = total(estimate[units.effect] if len(scopes) else np.zeros(0)).astype(np.float32)
+    ray_estimate = total(experience.ray_estimate[units.object_id, units.effect]).astype(np.float32)
     mandatory = np.array([scope.mandatory for scope in scopes], bool).reshape(len(scopes), len(objects.area))
     was_selected = total(experience.was_selected[units.object_id, units.effect]) > 0
     cost = item_cost(visible, ray_estimate)

@@ -14,6 +14,7 @@ class Experience:
     """Kept by (object, effect); arrays (N + 1, effects).
 
     was_selected   : bool, S, traced in the previous frame
+    ray_estimate   : float64, Q, what was expected before the run
     rays_per_pixel : float64, mean of what was measured; the estimate Q where nothing was
     measurements   : int32, how often it was measured
     """
@@ -22,7 +23,14 @@ class Experience:
         shape = (object_count + 1, len(ray_estimates))
         self.was_selected = np.zeros(shape, bool)
         self.rays_per_pixel = np.broadcast_to(np.array(ray_estimates, np.float64), shape).copy()
+        self.ray_estimate = self.rays_per_pixel.copy()
         self.measurements = np.zeros(shape, np.int32)
+
+    def expect(self, rays_per_pixel: np.ndarray) -> None:
+        """Take over estimates (N + 1, effects) of a profile; those that are NaN stay as they are."""
+        known = ~np.isnan(rays_per_pixel)
+        self.ray_estimate[known] = rays_per_pixel[known]
+        self.rays_per_pixel[known] = rays_per_pixel[known]
 
     def predict_rays(self, object_id: np.ndarray, effect: np.ndarray, pixel_count: np.ndarray) -> np.ndarray:
         """(n,) float32, rays that tracing the items will take; whole numbers, at least 1: no item is free."""
