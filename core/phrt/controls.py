@@ -115,11 +115,11 @@ def checked_situation(value: object, known: Sequence[str]) -> str:
     return str(value)
 
 
-def checked_attention(value: object) -> dict[str, float]:
-    """`value` as factors by tag. Raises OptionError."""
+def checked_attention(value: object, name: str = "attention") -> dict[str, float]:
+    """`value` as factors by tag. Raises OptionError that calls it `name`."""
     if not isinstance(value, Mapping) or not all(isinstance(tag, str) for tag in value):
-        raise OptionError(f"attention is {value!r}, expected factors by tag, as in {{'gold': 3}}")
-    return {tag: not_negative(f"attention for '{tag}'", factor) for tag, factor in value.items()}
+        raise OptionError(f"{name} is {value!r}, expected factors by tag, as in {{'gold': 3}}")
+    return {tag: not_negative(f"{name} for '{tag}'", factor) for tag, factor in value.items()}
 
 
 def unknown_tags(attention: Iterable[str], scene: Scene) -> list[str]:

@@ -7,8 +7,6 @@ from os import PathLike, fspath
 
 import numpy as np
 
-from phrt.costs import CostModels
-from phrt.experience import Experience
 from phrt.interfaces.effect import RayEffect
 from phrt.machine import machine_name
 from phrt.profile import Profile, applied, read_profile, warn_of_unknown
@@ -27,14 +25,17 @@ def profiled(given: Profile | str | PathLike[str] | None, scene: Scene) -> tuple
     return profile, result
 
 
-def warm_start(
-    profile: Profile, scene: Scene, effects: Sequence[RayEffect], experience: Experience, costs: CostModels
-) -> None:
-    """Begin with what `profile` knows: Q of every object, and, on the machine where they were measured, times. Effects that
-    are one light's share each of an effect the profile knows take their share of its Q."""
+def known_rays(profile: Profile, scene: Scene, effects: Sequence[RayEffect]) -> np.ndarray:
+    """(N + 1, effects) float64: Q of every object of `scene`, NaN where `profile` does not know an effect. An effect that is one
+    light's part of one that the profile knows has its share of that."""
     names = [effect.switch for effect in effects]
     shares = np.array([names.count(name) for name in names], np.float64)
-    experience.expect(profile.rays_per_pixel(scene, names) / shares)
-    if profile.probes.machine == machine_name():
-        known = profile.coefficients()
-        costs.warm({effect.name: known[effect.switch] for effect in effects if effect.switch in known})
+    return profile.rays_per_pixel(scene, names) / shares
+
+
+def known_costs(profile: Profile | None, effects: Sequence[RayEffect]) -> dict[str, dict[str, float]]:
+    """By effect, what `phrt.costs.CostModels.warm` takes; nothing on another machine than the one of the profile."""
+    if profile is None or profile.probes.machine != machine_name():
+        return {}
+    known = profile.coefficients()
+    return {effect.name: known[effect.switch] for effect in effects if effect.switch in known}

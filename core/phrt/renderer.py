@@ -21,7 +21,6 @@ from phrt.channels import CHANNELS, GBuffer
 from phrt.clock import Clock, RayClock, WallClock
 from phrt.composite import all_rows, compose, light_surfaces
 from phrt.controls import Conditions, Controls, changed, in_force
-from phrt.cost_memory import recall, remember, run_key
 from phrt.costs import COST_MODELS, CostModelName, CostModels
 from phrt.errors import OptionError, PhrtWarning, did_you_mean
 from phrt.experience import Experience
@@ -37,7 +36,7 @@ from phrt.ledger import over_samples
 from phrt.lightwise import OneLight, by_light
 from phrt.pace import Pace
 from phrt.profile import Profile
-from phrt.profile_use import profiled, warm_start
+from phrt.profile_use import known_costs, known_rays, profiled
 from phrt.quiet import garbage_waits
 from phrt.registry.auto import DEFAULT_HEURISTIC, choose_gbuffer, choose_tracer
 from phrt.registry.manager import get_registry
@@ -161,11 +160,10 @@ class Renderer:
         self._experience = Experience(self.world.object_count, [scope.rays_per_pixel for scope in self._scopes])
         self._faults = Faults(strict=strict)
         self._costs = CostModels([effect.name for effect in self.effects])
-        self._costs_key = run_key(scene.name, self.tracer_name, self.workers.threads)
         if isinstance(self.clock, WallClock):
-            self._costs.warm(recall(self._costs_key))
+            self._costs.warm(known_costs(known, self.effects))
         if known is not None:
-            warm_start(known, scene, self.effects, self._experience, self._costs)
+            self._experience.expect(known_rays(known, scene, self.effects))
         self._scheduler = BudgetScheduler(self._costs, self._experience, self._faults, self.clock)
         self._pace = Pace()
         self._told_short = False
@@ -187,8 +185,6 @@ class Renderer:
         if self._closed:
             return
         self._closed = True
-        if isinstance(self.clock, WallClock) and self._costs.learned:
-            remember(self._costs_key, self._costs.coefficients())
         self.producer.close()
         self.tracer.close()
         self.workers.close()

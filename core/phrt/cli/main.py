@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from phrt.cli.analyze import analyze
 from phrt.cli.console import escape, messages, terminal, tidy_warnings
 from phrt.cli.doctor import doctor
 from phrt.cli.explain import explain
@@ -64,6 +65,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("render")(render)
+app.command("analyze")(analyze)
 app.command("explain")(explain)
 app.add_typer(plugins_app, name="plugins")
 app.command("doctor")(doctor)
