@@ -10,10 +10,12 @@ from typing import TypeVar
 
 import numpy as np
 
+from phrt import watchdog
 from phrt.errors import PluginError
 from phrt.faults import Faults
 from phrt.interfaces.heuristic import PASSES, Candidates, FrameContext, Heuristic, Request
 from phrt.ledger import ALL_PIXELS, NO_PARTS, Ledger, Parts
+from phrt.watchdog import Guard, NeverReturned
 
 R = TypeVar("R")
 
@@ -27,6 +29,7 @@ class Asking:
         self._ledger = ledger
         self._context = context
         self._done = faults.heuristic_is_off
+        self._guard = Guard()
         self._listens = type(heuristic).report is not Heuristic.report
         self._price: list[float] = []
         self._held: tuple[int, int, int] | None = None
@@ -159,19 +162,20 @@ class Asking:
     def _nonsense(self, item: int) -> None:
         self._fault(f"returned item {item}: not one of {len(self._price)}, or twice")
 
-    def _fault(self, what: str) -> None:
+    def _fault(self, what: str, cause: Exception | None = None) -> None:
         self._done = True
-        self._faults.lose_heuristic(PluginError(f"heuristic {type(self._heuristic).__name__} {what}"))
+        failure = PluginError(f"heuristic {type(self._heuristic).__name__} {what}")
+        failure.__cause__ = cause
+        self._faults.lose_heuristic(failure)
 
     def _call(self, call: str, function: Callable[[], R]) -> R | None:
         if self._done:
             return None
         try:
-            return function()
+            with self._guard:
+                return function()
+        except NeverReturned:
+            self._fault(f"did not return from {call}() within {watchdog.PATIENCE_S:g} seconds")
         except Exception as error:
-            self._done = True
-            name = type(self._heuristic).__name__
-            failure = PluginError(f"heuristic {name} failed in {call}(): {type(error).__name__}: {error}")
-            failure.__cause__ = error
-            self._faults.lose_heuristic(failure)
-            return None
+            self._fault(f"failed in {call}(): {type(error).__name__}: {error}", error)
+        return None
