@@ -72,6 +72,8 @@ def units_of(work: Candidates, first: Sequence[int] | np.ndarray) -> Units:
         count=work.pixel_count,
         rays=work.predicted_rays.astype(np.float64),
         ms=work.predicted_ms_measured.astype(np.float64),
+        held=np.zeros(len(work), np.int32),
+        age_sum=np.zeros(len(work)),
     )
 
 

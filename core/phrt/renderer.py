@@ -26,6 +26,7 @@ from phrt.errors import OptionError, PhrtWarning, did_you_mean
 from phrt.experience import Experience
 from phrt.faults import Faults
 from phrt.frame import Decisions, Frame, FrameResult
+from phrt.history import History
 from phrt.interfaces.effect import RayEffect
 from phrt.interfaces.gbuffer import GBufferProducer
 from phrt.interfaces.heuristic import BudgetUnit, FrameContext, Heuristic
@@ -86,6 +87,7 @@ class Renderer:
     threads   : how many; by default one per usable core
     effects   : options by effect name, over those of the scene; `{"shadows": {"samples": 4}}`
     aa        : samples per pixel by sub-pixel jitter; 1 for real time
+    history   : where nothing is traced, values of earlier frames stand in for the fallback as long as they hold; not with aa
     strict    : an effect that fails raises instead of being switched off
 
     controls  : what was asked for with `control`
@@ -116,6 +118,7 @@ class Renderer:
         threads: int | None = None,
         effects: Mapping[str, Mapping[str, object]] | None = None,
         aa: int = 1,
+        history: bool = True,
         strict: bool = False,
     ) -> None:
         self.size = checked_size(size or scene.settings.size or DEFAULT_SIZE)
@@ -168,6 +171,7 @@ class Renderer:
         self._pace = Pace()
         self._told_short = False
         self._buffers = BufferPool()
+        self._history = History(self.world, self.effects, self._buffers) if history and aa == 1 else None
         self._fallbacks_ready = False
         self._index = 0
         self._closed = False
@@ -395,9 +399,13 @@ class Renderer:
         )
         amount, unit = self._ray_budget(began_ms)
         layers = self._clear_layers(count)
+        if self._history and not (self.heuristic.traces_everything and unit == "none"):
+            layers.ages = self._history.reproject(frame, layers, self._faults)
+            stages.done("history")
         work = find_work(
             frame, self.effects, self._scopes, self._sight, self._experience, self._costs,
             persistence=self.persistence, budget_unit=unit, cost_model=self.cost_model, group_by=self.group_by,
+            masks=layers.masks, ages=layers.ages,
         )  # fmt: skip
         stages.done("candidates")
         if self.budget.kind == "frame_ms":
@@ -410,6 +418,7 @@ class Renderer:
             budget_unit=unit,
             sample=number,
             samples=self.aa,
+            history=self._history is not None,
             situation=self.conditions.situation,
             attention=self.conditions.attention,
             view_speed=self._sight.view_speed,
@@ -431,6 +440,8 @@ class Renderer:
             layers.arrays, layers.masks, self._exposure(view), image, self.workers,
         )  # fmt: skip
         stages.done("composite")
+        if self._history:
+            self._history.keep(frame, layers)
         rays = {"primary": count if self._traces_primary else 0, **layers.rays}
         return _Sample(view, image, gbuffer, direct, layers, decisions, rays, rays_ended)
 

@@ -24,6 +24,8 @@ from phrt_heuristics.queue import Queue
 class AllTrace(Heuristic):
     """Yields every candidate once."""
 
+    traces_everything = True
+
     def __init__(self, options: Options) -> None:
         self._queue: Queue | None = None
 

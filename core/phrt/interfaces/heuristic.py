@@ -168,6 +168,10 @@ class Heuristic(ABC):
     wants_change: bool = False
     """Does it look at `measured_change` and `measured_drift`? They are measured only then, as it takes time."""
 
+    traces_everything: bool = False
+    """Without a budget, does it trace every item in every frame? Then nothing has to stand in, and values of earlier frames are
+    not looked for, as that takes time."""
+
     @abstractmethod
     def begin_frame(self, candidates: Candidates, context: FrameContext) -> None:
         """A new frame, or the next sub-pixel sample of one (`context.sample`): look at the candidates."""
