@@ -171,7 +171,8 @@ class Renderer:
         self._pace = Pace()
         self._told_short = False
         self._buffers = BufferPool()
-        self._history = History(self.world, self.effects, self._buffers) if history and aa == 1 else None
+        self.history = history and aa == 1
+        self._history = History(self.world, self.effects, self._buffers) if self.history else None
         self._fallbacks_ready = False
         self._index = 0
         self._closed = False
@@ -418,7 +419,7 @@ class Renderer:
             budget_unit=unit,
             sample=number,
             samples=self.aa,
-            history=self._history is not None,
+            history=self.history,
             situation=self.conditions.situation,
             attention=self.conditions.attention,
             view_speed=self._sight.view_speed,

@@ -106,6 +106,10 @@ def render(
     tracer: Annotated[str, typer.Option(help="Tracer; auto takes the fastest that is available.")] = "auto",
     threads: Annotated[int | None, typer.Option(help="Threads; all cores when not given.")] = None,
     aa: Annotated[int, typer.Option("--aa", help="Samples per pixel; 1 to 1024.")] = 1,
+    history: Annotated[
+        bool,
+        typer.Option("--history/--no-history", help="Values of earlier frames stand in where nothing is traced."),
+    ] = True,
     tone_map: Annotated[str | None, typer.Option(help="srgb, aces or neutral; the scene's, or neutral.")] = None,
     exposure: Annotated[float | None, typer.Option(help="Factor on the light of the picture.")] = None,
     layers: Annotated[Path | None, typer.Option(metavar="DIR", help="Also write every layer into this folder.")] = None,
@@ -202,6 +206,7 @@ def render(
         "threads": threads,
         "effects": options or None,
         "aa": aa,
+        "history": history,
     }
     if rerun:
         chosen = rerun.options(loaded, chosen)

@@ -48,7 +48,7 @@ class Rerun:
         return [(number, self._run.frame(number)["time"]) for number in chosen]
 
     def options(self, scene: Scene, given: dict[str, Any]) -> dict[str, Any]:
-        """Options of `Renderer`: those that were `given`, the others as recorded. "auto" and aa 1 count as not given."""
+        """Options of `Renderer`: those that were `given`, the others as recorded. "auto", aa 1 and history count as not given."""
         from phrt.recording.replay import recorded_options
 
         options = recorded_options(self._config, scene)
@@ -60,6 +60,8 @@ class Rerun:
                 options[name] = given[name]
         if given["aa"] != 1:
             options["aa"] = given["aa"]
+        if not given["history"]:
+            options["history"] = False
         return given | options | {"effects": effects, "heuristic": self.heuristic, "budget": "none"}
 
     def check(self, renderer: Renderer) -> None:
