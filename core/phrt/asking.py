@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
+from collections import Counter
 from collections.abc import Callable, Iterable
 from functools import partial
 from typing import TypeVar
@@ -18,6 +19,9 @@ from phrt.ledger import ALL_PIXELS, NO_PARTS, Ledger, Parts
 from phrt.watchdog import Guard, NeverReturned
 
 R = TypeVar("R")
+
+ROUNDING = 1e-6
+"""Relative: predictions are single precision, and what fits exactly fits."""
 
 
 class Asking:
@@ -44,7 +48,7 @@ class Asking:
     def take(self, remaining: float, enough: float) -> Parts:
         """The next parts of items, together predicted to take about `enough`, and no more than `remaining`; none when the
         heuristic has no more. Those that do not fit are left out and noted."""
-        tried: set[int] = set()
+        refused: Counter[int] = Counter()
         while not self._done:
             answer = self._call("take", lambda: self._heuristic.take(remaining, enough))
             requests = self._one_by_one(remaining, enough) if answer is None else self._as_arrays(answer)
@@ -58,9 +62,11 @@ class Asking:
             self._count_passes(*requests, refused=parts.item[~fits])
             if fits.any():
                 return parts.rows(fits)
-            if len(parts) and tried.issuperset(items := parts.item.tolist()):
-                self._nonsense(items[0])
-            tried.update(parts.item.tolist())
+            # It may try again with less of an item, but not forever.
+            refused.update(parts.item.tolist())
+            item, times = refused.most_common(1)[0] if refused else (0, 0)
+            if times > 2 * PASSES:
+                self._nonsense(item)
             if not self.has_more:
                 break
         return NO_PARTS
@@ -148,7 +154,7 @@ class Asking:
         self._ledger.name(parts)
         fits = np.ones(len(parts), bool)
         if costs.sum() > remaining:
-            left = remaining
+            left = remaining * (1 + ROUNDING)
             for row, cost in enumerate(costs.tolist()):
                 fits[row] = cost <= left
                 left -= cost if fits[row] else 0.0

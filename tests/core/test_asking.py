@@ -110,8 +110,7 @@ def test_later_passes_of_an_item_of_few_pixels_may_be_empty() -> None:
 def test_nonsense_is_the_heuristics_fault(answers: list[Any], message: str) -> None:
     made, _ = asking(Says(*answers))
     with pytest.raises(PluginError, match=f"heuristic Says {message}"):
-        for _ in range(3):
-            made.take(1e6, 1e6)
+        _ = [made.take(1e6, 1e6) for _ in range(3)]
 
 
 def test_one_that_names_the_same_item_forever_though_it_does_not_fit_is_stopped() -> None:
