@@ -147,6 +147,8 @@ class Made:
             seen_frames=rng.integers(1, 100, n).astype(np.int32),
             frames_since_traced=since,
             measured_change=change,
+            measured_strength=change,
+            measured_detail=change * np.float32(0.5),
             measured_drift=change * np.float32(0.1),
             measured_ms_per_pixel=drawn(units.ms / units.count),
         )

@@ -13,7 +13,7 @@ from phrt.costs import CostModelName, CostModels
 from phrt.experience import Experience
 from phrt.frame import MASK_HISTORY, Frame
 from phrt.interfaces.effect import RayEffect
-from phrt.interfaces.heuristic import NEVER_TRACED, PASSES, BudgetUnit, Candidates
+from phrt.interfaces.heuristic import PASSES, BudgetUnit, Candidates
 from phrt.kernels.history import history_of_units
 from phrt.kernels.layers import count_objects, interleave_units, sort_by_object
 from phrt.kernels.primary import tile_order
@@ -215,7 +215,7 @@ def _with_letters(
     else:
         predicted = np.ceil(np.maximum(costs.paper_rays(cost, rays), 1.0)) if cost_model == "paper" else rays
     pixel_count, held = total(units.count), total(units.held)
-    unknown = np.full(count, np.nan, np.float32)
+    known = experience.exploration.of_items(units.item, units.object_id, units.effect, units.count)
     return Candidates(
         effect_names=("all",) if group_by == "object" else tuple(entry.name for entry in effects),
         object_id=object_id,
@@ -238,9 +238,5 @@ def _with_letters(
         predicted_ms_measured=measured_ms.astype(np.float32),
         history_share=(held / np.maximum(pixel_count, 1)).astype(np.float32),
         history_age=(total(units.age_sum) / np.maximum(held, 1)).astype(np.float32),
-        seen_frames=np.zeros(count, np.int32),
-        frames_since_traced=np.full(count, NEVER_TRACED, np.int32),
-        measured_change=unknown,
-        measured_drift=unknown,
-        measured_ms_per_pixel=unknown,
+        **vars(known),
     )

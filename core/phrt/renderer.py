@@ -16,7 +16,8 @@ from phrt.arguments import checked_matrix, checked_size, make_effects, make_heur
 from phrt.budget import Budget
 from phrt.buffers import BufferPool
 from phrt.camera import CameraView
-from phrt.candidates import GROUPINGS, GroupBy, find_work
+from phrt.candidates import GROUPINGS, GroupBy, WorkItems, find_work
+from phrt.change import ChangeSample, measure_change, pick_sample
 from phrt.channels import CHANNELS, GBuffer
 from phrt.clock import Clock, RayClock, WallClock
 from phrt.composite import all_rows, compose, light_surfaces
@@ -92,6 +93,7 @@ class Renderer:
 
     controls  : what was asked for with `control`
     conditions: what holds in the latest frame; its budget and persistence are attributes of their own as well
+    measure_change: what tracing changes is measured even if the heuristic does not look at it; may be set between frames.
     measure_each: every item is traced and counted by itself, which takes longer and teaches no times; may be set between frames.
 
     Use it as a context manager; it holds threads, a tracer and perhaps a GL context, and must be used from one thread.
@@ -142,6 +144,7 @@ class Renderer:
         for key in scene.settings.track:
             self._check_budget(key.controls.budget)
         self.measure_each = False
+        self.measure_change = False
         self.tracer_name = choose_tracer(registry).name if tracer == "auto" else tracer
         self.gbuffer_name = choose_gbuffer(registry).name if gbuffer == "auto" else gbuffer
         self.effects: list[RayEffect] = make_effects(scene, effects)
@@ -425,14 +428,15 @@ class Renderer:
             view_speed=self._sight.view_speed,
             parameters=self.conditions.parameters,
         )
+        sample = None
+        if self.measure_change or (self.heuristic.wants_change and unit != "none"):
+            sample = pick_sample(frame, self.effects, self._scopes, work, layers)
+        stages.done("change")
         decisions = self._scheduler.run(frame, self.effects, work, self.heuristic, context, layers)
         rays_ended = self.clock.now_ms()
         stages.done("rays")
         if (decisions.traced_pixels < decisions.candidates.pixel_count).any():
-            if not self._fallbacks_ready:
-                for effect in self.effects:
-                    self._faults.prepare_fallback(effect, frame)
-                self._fallbacks_ready = True
+            self._prepare_fallbacks(frame)
             apply_fallbacks(frame, self.effects, work, decisions, layers, self._faults)
         stages.done("fallbacks")
         image = self._buffers.take((count, 3))
@@ -441,10 +445,37 @@ class Renderer:
             layers.arrays, layers.masks, self._exposure(view), image, self.workers,
         )  # fmt: skip
         stages.done("composite")
+        if sample is not None:
+            self._learn_change(frame, work, sample, decisions, layers, image)
+            stages.done("change")
         if self._history:
             self._history.keep(frame, layers)
         rays = {"primary": count if self._traces_primary else 0, **layers.rays}
         return _Sample(view, image, gbuffer, direct, layers, decisions, rays, rays_ended)
+
+    def _prepare_fallbacks(self, frame: Frame) -> None:
+        if not self._fallbacks_ready:
+            for effect in self.effects:
+                self._faults.prepare_fallback(effect, frame)
+            self._fallbacks_ready = True
+
+    def _learn_change(
+        self,
+        frame: Frame,
+        work: WorkItems,
+        sample: ChangeSample,
+        decisions: Decisions,
+        layers: LayerSet,
+        image: np.ndarray,
+    ) -> None:
+        """Measure on `sample` what was gained by tracing."""
+        self._prepare_fallbacks(frame)
+        units, effect = work.units, self.effects[sample.effect]
+        traced = decisions.chosen[units.item]
+        measured = measure_change(
+            frame, effect, sample, traced, layers, image, self._exposure(frame.view), self._faults
+        )
+        self._experience.exploration.learn_change(units.object_id, units.effect, measured)
 
     def _clear_layers(self, count: int) -> LayerSet:
         """Every layer the composition reads, at its clear value, and those of further effects."""
