@@ -76,16 +76,16 @@ def effect_kinds(frame: FrameResult, effect: str) -> np.ndarray:
     items = items_of(frame, effect)
     object_id = frame.gbuffer.object_id
     mask = frame.masks[frame.effect_layers[effect]]
-    held = (mask != MASK_NONE) & (mask != MASK_FALLBACK)
     kinds = np.where(items.partial[object_id], np.uint8(PARTLY), np.uint8(TRACED))
     kinds[mask == MASK_HISTORY] = EARLIER
     kinds[mask == MASK_FALLBACK] = SKIPPED
-    # A fallback of `none` leaves no mark. Where nothing of an item has one, all of it is skipped; else it does not apply there.
-    marked = np.zeros(len(items.exists), bool)
-    marked[object_id[held | (mask == MASK_FALLBACK)]] = True
-    bare = items.exists & ~marked & ~items.whole
+    # A fallback of `none` leaves no mark. Where nothing of an item that was not traced whole shows another, that is what it took;
+    # elsewhere the effect does not apply to such pixels.
+    marks = np.zeros(len(items.exists), bool)
+    marks[object_id[mask == MASK_FALLBACK]] = True
+    bare = items.exists & ~items.whole & ~marks
     kinds[mask == MASK_NONE] = UNTOUCHED
-    kinds[(mask == MASK_NONE) & (bare | items.partial)[object_id]] = SKIPPED
+    kinds[(mask == MASK_NONE) & bare[object_id]] = SKIPPED
     return kinds
 
 

@@ -37,10 +37,11 @@ DEFAULT_TONE_MAP = "neutral"
 
 @dataclass(frozen=True)
 class Moment:
-    """One frame to render: its number, and its time in seconds."""
+    """One frame to render: its number, its time in seconds, and whether it is written."""
 
     index: int
     time: float
+    shown: bool = True
 
 
 def render(
@@ -190,7 +191,8 @@ def render(
         else:
             moments = choose_moments(loaded, given_frames, time, is_video(output))
         curve = tone_map or settings.tone_map or DEFAULT_TONE_MAP
-        writer = open_writer(output, len(moments), width_height, settings.fps, curve, layers, tint)
+        shown = sum(moment.shown for moment in moments)
+        writer = open_writer(output, shown, width_height, settings.fps, curve, layers, tint)
 
     chosen: dict[str, Any] = {
         "heuristic": heuristic or settings.heuristic or DEFAULT_HEURISTIC,
@@ -233,10 +235,12 @@ def render(
                 progress.step(f"rendering frame {moment.index}")
             seen = rerun.view(moment.index, width_height) if rerun and camera == "0" else parse_camera(camera)
             frame = renderer.render(moment.time, frame_index=moment.index, camera=seen)
+            progress.advance()
+            if not moment.shown:
+                continue
             if recorder is not None:
                 recorder.add(frame)
             writer.add(moment.index, frame)
-            progress.advance()
             rows.append(frame_row(moment, frame))
     report(rows, [str(path) for path in writer.files], output, width_height, as_json, record)
 

@@ -30,12 +30,13 @@ class Rerun:
         width, height = self._config["size"]
         return width, height
 
-    def moments(self, frames: FrameRange | None, many: bool) -> list[tuple[int, float]]:
-        """Number and time of `frames`; by default of all recorded ones, or of the first unless there is room for `many`.
+    def moments(self, frames: FrameRange | None, many: bool) -> list[tuple[int, float, bool]]:
+        """Number and time of `frames`, by default of all recorded ones, or of the first unless there is room for `many`; and of
+        those before that their pictures came from: the third value says which are to be shown.
 
         Raises OptionError for frames that were not recorded.
         """
-        from phrt.recording.replay import check_frames
+        from phrt.recording.replay import check_frames, with_those_before
 
         numbers = list(dict.fromkeys(self._run.numbers.tolist()))
         if frames is not None:
@@ -45,7 +46,8 @@ class Rerun:
         if not chosen:
             raise OptionError(f"--replay '{self._run.folder}': no frame was recorded")
         check_frames(self._run, chosen)
-        return [(number, self._run.frame(number)["time"]) for number in chosen]
+        rendered = with_those_before(self._run, chosen)
+        return [(number, self._run.frame(number)["time"], number in chosen) for number in rendered]
 
     def options(self, scene: Scene, given: dict[str, Any]) -> dict[str, Any]:
         """Options of `Renderer`: those that were `given`, the others as recorded. "auto", aa 1 and history count as not given."""
