@@ -19,9 +19,10 @@ from phrt.camera import CameraView
 from phrt.candidates import GROUPINGS, GroupBy, WorkItems, find_work
 from phrt.change import ChangeSample, measure_change, pick_sample
 from phrt.channels import CHANNELS, GBuffer
-from phrt.clock import Clock, RayClock, WallClock
+from phrt.clock import Clock, RayClock, WallClock, beneath
 from phrt.composite import all_rows, compose, light_surfaces
 from phrt.controls import Conditions, Controls, changed, in_force
+from phrt.cost_memory import recall, remember, run_key
 from phrt.costs import COST_MODELS, CostModelName, CostModels
 from phrt.errors import OptionError, PhrtWarning, did_you_mean
 from phrt.experience import Experience
@@ -166,8 +167,9 @@ class Renderer:
         self._experience = Experience(self.world.object_count, [scope.rays_per_pixel for scope in self._scopes])
         self._faults = Faults(strict=strict)
         self._costs = CostModels([effect.name for effect in self.effects])
-        if isinstance(self.clock, WallClock):
-            self._costs.warm(known_costs(known, self.effects))
+        self._costs_key = run_key(scene.name, self.tracer_name, self.workers.threads)
+        if isinstance(beneath(self.clock), WallClock):
+            self._costs.warm(known_costs(known, self.effects) | recall(self._costs_key))
         if known is not None:
             self._experience.expect(known_rays(known, scene, self.effects))
         self._scheduler = BudgetScheduler(self._costs, self._experience, self._faults, self.clock)
@@ -193,6 +195,8 @@ class Renderer:
         if self._closed:
             return
         self._closed = True
+        if isinstance(beneath(self.clock), WallClock) and self._costs.learned:
+            remember(self._costs_key, self._costs.coefficients())
         self.producer.close()
         self.tracer.close()
         self.workers.close()
@@ -359,7 +363,7 @@ class Renderer:
                 return budget.amount / self.aa, "rays"
             case "ray_ms":
                 return budget.amount / self.aa, "ms"
-        if isinstance(self.clock, RayClock):
+        if isinstance(beneath(self.clock), RayClock):
             return budget.amount, "ms"
         spent = self.clock.now_ms() - began_ms + self.reserve_ms
         left = self._pace.ray_budget_ms(budget.amount, spent)
