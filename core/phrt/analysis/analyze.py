@@ -25,6 +25,9 @@ from phrt.profile import (
 from phrt.scene import Scene, SceneObject
 from phrt.world import World
 
+ALIKE = 0.1
+"""Relative; situations whose importance differs by no more are one."""
+
 
 @dataclass(frozen=True)
 class ProbeOptions:
@@ -65,7 +68,7 @@ def analyze(
     }
     measured = {path: _measured(path, entry, looked, known_situations(plain.scene)) for path, entry in entries.items()}
     gain = {path: _gain(path, looked) for path in entries}
-    order = sorted(entries, key=lambda path: (-gain[path], path))
+    order = sorted(entries, key=lambda path: (-gain[path], not measured[path].seen, path))
     return Profile(
         phrt_profile=PROFILE_VERSION,
         scene=ProfiledScene(
@@ -131,8 +134,9 @@ def _importance(entry: SceneObject, mine: dict[str, tuple[_Looked, int]], situat
         look, at = mine.get(situation, (first, row))
         said = look.scene.objects[at - 1].importance if situation in mine else entry.importance
         found[situation] = _short(said.get(situation, said.get("default", 1.0)) * float(look.factor[at]))
-    # What is left out is as `default`.
-    return {name: value for name, value in found.items() if name == "default" or value != found["default"]}
+    # What is left out is as `default`; a tenth more or less is that, too.
+    usual = found["default"]
+    return {name: value for name, value in found.items() if name == "default" or abs(value - usual) > ALIKE * usual}
 
 
 def _short(value: float) -> float:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from phrt.clock import RecordingClock, WallClock
 from phrt.frame import FrameResult
 from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic
 from phrt.output.tonemap import to_8bit
@@ -95,7 +96,11 @@ def probe(
 ) -> Findings:
     """What `frames` probes of `scene` at `size` (width, height) find; `done` is called after each."""
     heuristic = LeaveOut()
-    with Renderer(scene, size=size, heuristic=heuristic, threads=threads, budget="none") as renderer:
+    # Not a plain WallClock: what probes cost is for the profile, and not what the next run begins with.
+    clock = RecordingClock(WallClock())
+    with Renderer(
+        scene, size=size, heuristic=heuristic, threads=threads, budget="none", clock=clock, history=False
+    ) as renderer:
         findings = Findings.nothing(len(scene.objects), tuple(effect.name for effect in renderer.effects))
 
         def picture(number: int, time: float, *left_out: str, count: bool = False) -> FrameResult:
