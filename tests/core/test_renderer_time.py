@@ -17,6 +17,7 @@ from phrt.errors import PhrtWarning
 from phrt.frame import CUT, FrameResult
 from phrt.interfaces.heuristic import Candidates
 from phrt.registry import Options
+from phrt.registry.manager import Registry
 from phrt_heuristics.greedy_relevance import GreedyRelevance
 
 SIZE = (96, 64)
@@ -53,6 +54,18 @@ def test_with_a_price_per_ray_one_and_four_threads_decide_the_same_bit_for_bit(
     assert_same(one, frames(5, threads=4, clock=RayClock(100.0), **options))
     assert one[-1].decisions.chosen.sum() > 0
     assert one[-1].decisions.budget_unit == "ms"
+
+
+@pytest.mark.parametrize("heuristic", ["selection_graph", "uniform", "gain"])
+def test_with_a_price_per_ray_the_order_of_plugins_does_not_matter(
+    heuristic: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = Registry.names
+    one = frames(5, clock=RayClock(100.0), budget="rays:0.3ms", heuristic=heuristic)
+    monkeypatch.setattr(Registry, "names", lambda registry, kind: names(registry, kind)[::-1])
+    other = frames(5, clock=RayClock(100.0), budget="rays:0.3ms", heuristic=heuristic)
+    assert one[0].decisions.candidates.effect_names == other[0].decisions.candidates.effect_names[::-1]
+    assert_same(one, other)
 
 
 def test_the_ray_phase_holds_its_time_by_the_clock() -> None:
