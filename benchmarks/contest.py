@@ -83,9 +83,12 @@ class Samples:
 
     def add(self, values: Mapping[str, float], stages: Mapping[str, float], errors: Mapping[str, np.ndarray]) -> None:
         """One frame more."""
-        for store, given in ((self.columns, values), (self.stages, stages), (self.item_errors, errors)):
-            for name, value in given.items():
-                store.setdefault(name, []).append(value)  # type: ignore[attr-defined]
+        for name, value in values.items():
+            self.columns.setdefault(name, []).append(value)
+        for stage, spent in stages.items():
+            self.stages.setdefault(stage, []).append(spent)
+        for model, found in errors.items():
+            self.item_errors.setdefault(model, []).append(found)
 
     def __getitem__(self, name: str) -> np.ndarray:
         return np.array(self.columns[name])

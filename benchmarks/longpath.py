@@ -21,6 +21,7 @@ import time
 import types
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -241,10 +242,8 @@ def measure(
     total = max(frames // lap, 1) * lap
     laps = {}
     for name, (heuristic, options) in runners_here().items():
-        step = Step(name, total)
-        laps[name] = run_laps(
-            scene, heuristic, options, budget, frames, size=size, threads=threads, advance=lambda s=step: tell(s)
-        )
+        advance = partial(tell, Step(name, total))
+        laps[name] = run_laps(scene, heuristic, options, budget, frames, size=size, threads=threads, advance=advance)
     return LongPath(scene.name, size, budget, laps)
 
 
