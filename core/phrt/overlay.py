@@ -4,9 +4,10 @@
     pixels = phrt.overlay.overlay(frame, "reflections")   one of them
 
 Of one effect, a pixel is TRACED where its item was traced whole, PARTLY where its item was traced in part (gaps are filled from
-traced neighbours), EARLIER where a value of an earlier frame stands in, and SKIPPED where the effect applies and its fallback
-shows. Of all effects together it is TRACED where all that apply were traced, SKIPPED where none brought anything, EARLIER
-where none is missing but some are of an earlier frame, and PARTLY otherwise. Pixels to which no effect applies stay.
+traced neighbours or an earlier frame), EARLIER where values of an earlier frame stand in, and SKIPPED where the effect
+applies and its fallback shows. Of all effects together it is TRACED where all that apply were traced, SKIPPED where none
+brought anything, EARLIER where none is missing but some are of an earlier frame, and PARTLY otherwise. Pixels to which no
+effect applies stay.
 """
 
 from __future__ import annotations
@@ -76,8 +77,8 @@ def effect_kinds(frame: FrameResult, effect: str) -> np.ndarray:
     items = items_of(frame, effect)
     object_id = frame.gbuffer.object_id
     mask = frame.masks[frame.effect_layers[effect]]
-    kinds = np.where(items.partial[object_id], np.uint8(PARTLY), np.uint8(TRACED))
-    kinds[mask == MASK_HISTORY] = EARLIER
+    kinds = np.where(mask == MASK_HISTORY, np.uint8(EARLIER), np.uint8(TRACED))
+    kinds[items.partial[object_id]] = PARTLY
     kinds[mask == MASK_FALLBACK] = SKIPPED
     # A fallback of `none` leaves no mark. Where nothing of an item that was not traced whole shows another, that is what it took;
     # elsewhere the effect does not apply to such pixels.

@@ -13,7 +13,7 @@ from scene_kit import GLASS, LAMBERT, MIRROR, Stage, at, ball, floor
 import phrt
 from phrt.budget import Budget
 from phrt.errors import OptionError
-from phrt.frame import MASK_FALLBACK, MASK_HISTORY, FrameResult
+from phrt.frame import MASK_FALLBACK, MASK_HISTORY, MASK_TRACED, FrameResult
 from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic, Request
 from phrt.output.annotate import amount, annotate, budget_of, centres
 from phrt.output.tonemap import to_8bit
@@ -108,6 +108,11 @@ def test_values_of_earlier_frames_are_their_own_kind() -> None:
     frame = replace(frame, masks=frame.masks | {"visibility": mask})
     assert kinds_of(frame, FLOOR, "shadows") == {EARLIER}
     assert kinds_of(frame, FLOOR) == {EARLIER}
+    part = render({(FLOOR, "shadows"): 1})
+    mask = part.masks["visibility"].copy()
+    mask[(part.gbuffer.object_id == FLOOR) & (mask != MASK_TRACED)] = MASK_HISTORY
+    part = replace(part, masks=part.masks | {"visibility": mask})
+    assert kinds_of(part, FLOOR, "shadows") == {PARTLY}, "an item traced in part is that all over"
 
 
 def test_the_rule_for_several_effects() -> None:

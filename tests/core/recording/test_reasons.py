@@ -14,7 +14,7 @@ from phrt.errors import OptionError
 from phrt.frame import REASONS, FrameResult
 from phrt.interfaces.heuristic import Heuristic
 from phrt.recording import Recorder, Run, read_run
-from phrt.recording.reasons import amount, explain_object, find_object, over_time, rank
+from phrt.recording.reasons import amount, explain_object, find_object, over_time, rank, subject
 
 MIRROR, GLASS, FLOOR = "/World/Balls/Mirror", "/World/Balls/Glass", "/World/Floor"
 MS = {"budget": 20.0, "budget_unit": "ms", "left": 2.3}
@@ -76,7 +76,7 @@ def test_selected(tmp_path: Path, frame: FrameResult) -> None:
 
 def test_mandatory(tmp_path: Path, frame: FrameResult) -> None:
     rows = {(MIRROR, "reflections"): traced(0, mandatory=True)}
-    assert "they are mandatory (effects: always), number 1 of 1 that Chooser asked for" in why(
+    assert "the item is mandatory (effects: always), number 1 of 1 that Chooser asked for" in why(
         tmp_path / "run", frame, rows
     )
 
@@ -84,7 +84,7 @@ def test_mandatory(tmp_path: Path, frame: FrameResult) -> None:
 def test_reduced(tmp_path: Path, frame: FrameResult) -> None:
     rows = {(MIRROR, "reflections"): traced(0, reason="reduced", passes=1, traced_pixels=50)}
     sentence = why(tmp_path / "run", frame, rows)
-    assert "were traced at 25 % of their pixels in frame 42: Chooser asked for no more; number 1 of 1" in sentence
+    assert "were traced at 25 % of the pixels in frame 42: Chooser asked for no more; number 1 of 1" in sentence
 
 
 def test_cut(tmp_path: Path, frame: FrameResult) -> None:
@@ -102,7 +102,7 @@ def test_no_fit(tmp_path: Path, frame: FrameResult) -> None:
         (GLASS, "refractions"): traced(3, relevance=0.8),
     }
     assert why(tmp_path / "run", frame, rows) == (
-        f"shadows of {FLOOR} were not traced in frame 42: they asked for 12.0 ms and about 10.2 ms were left; "
+        f"shadows of {FLOOR} were not traced in frame 42: the item asked for 12.0 ms and about 10.2 ms were left; "
         "2 items came first, 1 of them with higher relevance."
     )
 
@@ -113,7 +113,7 @@ def test_no_time(tmp_path: Path, frame: FrameResult) -> None:
         (MIRROR, "reflections"): traced(0, relevance=0.9),
     }
     assert (
-        "they were asked for as number 2, but time ran out before their turn; 1 item came first, 1 of them with higher"
+        "the item was asked for as number 2, but time ran out before its turn; 1 item came first, 1 of them with higher"
         in why(tmp_path / "run", frame, rows)
     )
 
@@ -138,8 +138,8 @@ def test_not_asked_behind_the_budget(tmp_path: Path, frame: FrameResult) -> None
         (MIRROR, "reflections"): traced(0, relevance=0.9),
     }
     assert why(tmp_path / "run", frame, rows) == (
-        f"shadows of {FLOOR} were not traced in frame 42: they are behind the budget: they are predicted to take 5.1 ms, of "
-        "20.0 ms 2.3 ms were left in the end, and Chooser did not ask for them; 1 item came first, 1 of them with higher relevance."
+        f"shadows of {FLOOR} were not traced in frame 42: the item is behind the budget: it is predicted to take 5.1 ms, of "
+        "20.0 ms 2.3 ms were left in the end, and Chooser did not ask for it; 1 item came first, 1 of them with higher relevance."
     )
 
 
@@ -149,13 +149,15 @@ def test_not_asked_although_it_would_have_fitted(tmp_path: Path, frame: FrameRes
         (MIRROR, "reflections"): traced(0),
     }
     sentence = why(tmp_path / "run", frame, rows)
-    assert "Chooser did not ask for them, although 1.1 ms would have fitted into the 2.3 ms that were left" in sentence
+    assert (
+        "Chooser did not ask for the item, although 1.1 ms would have fitted into the 2.3 ms that were left" in sentence
+    )
 
 
 def test_not_asked_without_a_budget(tmp_path: Path, frame: FrameResult) -> None:
     rows = {(FLOOR, "shadows"): {"reason": "not_asked"}, (MIRROR, "reflections"): traced(0)}
     sentence = why(tmp_path / "run", frame, rows, budget=np.inf, budget_unit="none", left=np.inf)
-    assert sentence.endswith("Chooser did not ask for them; there was no budget to keep.")
+    assert sentence.endswith("Chooser did not ask for the item; there was no budget to keep.")
 
 
 def test_nothing_was_asked_for(tmp_path: Path, frame: FrameResult) -> None:
@@ -166,7 +168,7 @@ def test_nothing_was_asked_for(tmp_path: Path, frame: FrameResult) -> None:
 def test_nothing_was_left_for_rays(tmp_path: Path, frame: FrameResult) -> None:
     rows: dict[tuple[str, str], dict[str, Any]] = {(FLOOR, "shadows"): {"reason": "not_asked"}}
     sentence = why(tmp_path / "run", frame, rows, budget=0.0, left=0.0)
-    assert "nothing of the budget of none was left for rays; no item was traced before" in sentence
+    assert "nothing of the budget of none was left for rays." in sentence
 
 
 def test_what_stands_in_is_said(tmp_path: Path, frame: FrameResult) -> None:
@@ -185,6 +187,12 @@ def test_every_reason_has_its_own_sentence(tmp_path: Path, frame: FrameResult) -
         rows = {(FLOOR, "shadows"): given, (MIRROR, "reflections"): traced(0)}
         sentences.add(why(tmp_path / str(number), frame, rows))
     assert len(sentences) == len(REASONS)
+
+
+def test_words_of_items() -> None:
+    assert subject("shadows@/Lights/Key", FLOOR) == f"shadows of {FLOOR} by the light /Lights/Key were"
+    assert subject("ambient_occlusion", FLOOR) == f"ambient occlusion of {FLOOR} was"
+    assert subject("all", FLOOR) == f"all effects of {FLOOR} were"
 
 
 # What is not there
@@ -218,7 +226,7 @@ def test_an_effect_that_the_scene_forbids(tmp_path: Path) -> None:
     with renderer_of(scene, heuristic=Chooser()) as renderer:
         made = replace(renderer.render(), index=42)
     (found,) = explain_object(run_of(tmp_path / "run", made, scene=scene), 42, MIRROR, "reflections")
-    assert found.sentence.endswith("in frame 42: the scene forbids them (effects: reflections: never).")
+    assert found.sentence.endswith("in frame 42: the scene forbids it (effects: reflections: never).")
 
 
 def test_without_an_effect_all_are_explained(tmp_path: Path, frame: FrameResult) -> None:

@@ -12,7 +12,7 @@ from scene_kit import LAMBERT, Stage, at, ball
 
 import phrt
 from phrt.errors import OptionError, PhrtWarning
-from phrt.frame import REDUCED, FrameResult
+from phrt.frame import MASK_HISTORY, REDUCED, FrameResult
 from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic, Request
 from phrt.recording import Replay, read_run, replay
 
@@ -83,6 +83,24 @@ def test_items_cut_at_any_pixel_come_again(tmp_path: Path) -> None:
 def test_some_frames_alone(tmp_path: Path) -> None:
     frames = record(tmp_path / "run", FRAMES, heuristic="random", budget="2000rays")
     assert_same([frames[1], frames[3]], list(replay(tmp_path / "run", three_things(), [3, 1])))
+
+
+def test_values_of_earlier_frames_come_again_also_for_some_frames_alone(tmp_path: Path) -> None:
+    from phrt.camera import CameraView, look_at
+    from phrt.recording import Recorder
+
+    with (
+        renderer_of(heuristic="random", budget="1000rays") as renderer,
+        Recorder(tmp_path / "run", renderer) as recorder,
+    ):
+        frames = []
+        for number in range(6):
+            view = CameraView(*SIZE, look_at((0.1 * number, 1.0, 4.0), (0, 0, 0)), (0.6, 0.35))
+            frames.append(renderer.render(number / 30, camera=view))
+            recorder.add(frames[-1])
+    assert any((mask == MASK_HISTORY).any() for mask in frames[5].masks.values())
+    assert_same(frames, list(replay(tmp_path / "run", three_things(), threads=1)))
+    assert_same([frames[2], frames[5]], list(replay(tmp_path / "run", three_things(), [2, 5])))
 
 
 def test_a_view_of_ones_own_is_recorded(tmp_path: Path) -> None:
