@@ -22,7 +22,9 @@ FAR_REACH = f32(1.5)
 """And this far away it may be, where none is nearer: when the camera goes ahead, values spread out."""
 NORMALS_AGREE = f32(0.9)
 OFF_PLANE = f32(2.0)
-"""How far the earlier point may lie off the plane of the present one, in widths of a pixel there."""
+"""How far the earlier point may lie off the plane of the present one, in widths of a pixel there,"""
+ASIDE = f32(1.5)
+"""and how far beside it on the surface, in distances to the neighbouring pixel: an earlier picture may have been coarser."""
 TILE = 16
 """Tiles of so many pixels a side are tested against what moved, before their pixels are."""
 
@@ -41,12 +43,22 @@ def off_plane(width, x, y, z):
     return OFF_PLANE * width + f32(1e-6) * (abs(x) + abs(y) + abs(z))
 
 
+@device
+def width_on_surface(footprint, depth, eye, x, y, z, nx, ny, nz):
+    """How far apart, in metres along the surface, neighbouring pixels are at most."""
+    dx, dy, dz = eye[0] - x * eye[3], eye[1] - y * eye[3], eye[2] - z * eye[3]
+    length = math.sqrt(dx * dx + dy * dy + dz * dz + f32(1e-20))
+    cosine = abs(dx * nx + dy * ny + dz * nz)
+    return (footprint[0] + footprint[1] * depth) * length / max(cosine, f32(0.05) * length)
+
+
 @kernel
 def match_pixels(first, last, object_id, material_id, position, normal, depth, past_object, past_material, past_position,
-                 past_normal, past_clip, past_width, past_height, footprint, moved, source, slip):  # fmt: skip
+                 past_normal, past_clip, past_width, past_height, footprint, eye, moved, source, slip):  # fmt: skip
     """Where the points at pixels first..last - 1 were in the previous picture.
 
-    past_clip (4, 4) float32, its clip_from_world; moved (N + 1,) uint8: objects whose points cannot be found again.
+    past_clip (4, 4) float32, its clip_from_world; footprint (2,), width of a pixel at depth 0, and its growth per metre; eye (4,)
+    as in `carry`; moved (N + 1,) uint8: objects whose points cannot be found again.
     source (P,) int32 gets the nearest pixel of the previous picture that shows the same surface, -1 where none does;
     slip (P, 2) float32 how far beside that pixel's centre the point was, in pixels.
     """
@@ -69,6 +81,7 @@ def match_pixels(first, last, object_id, material_id, position, normal, depth, p
         column, row = np.int32(u + f32(1.0)) - 1, np.int32(v + f32(1.0)) - 1
         nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
         off = off_plane(footprint[0] + footprint[1] * depth[i], x, y, z)
+        aside = ASIDE * width_on_surface(footprint, depth[i], eye, x, y, z, nx, ny, nz) + off
         m = material_id[i]
         # The pixel it fell into; at edges of objects one of the next nearest may show it instead.
         right = 1 if u - f32(column) >= f32(0.5) else -1
@@ -78,10 +91,13 @@ def match_pixels(first, last, object_id, material_id, position, normal, depth, p
             if a < 0 or b < 0 or a >= past_width or b >= past_height:
                 continue
             j = np.uint32(b * past_width + a)
-            if past_object[j] == o and past_material[j] == m and same_plane(
-                x, y, z, nx, ny, nz, past_position[j, 0], past_position[j, 1], past_position[j, 2],
-                past_normal[j, 0], past_normal[j, 1], past_normal[j, 2], off,
-            ):  # fmt: skip
+            if past_object[j] != o or past_material[j] != m:
+                continue
+            px, py, pz = past_position[j, 0], past_position[j, 1], past_position[j, 2]
+            dx, dy, dz = px - x, py - y, pz - z
+            if dx * dx + dy * dy + dz * dz <= aside * aside and same_plane(
+                x, y, z, nx, ny, nz, px, py, pz, past_normal[j, 0], past_normal[j, 1], past_normal[j, 2], off
+            ):
                 source[i] = j
                 slip[i, 0], slip[i, 1] = u - (f32(a) + f32(0.5)), v - (f32(b) + f32(0.5))
                 break
@@ -272,7 +288,12 @@ def forget_crossed(first, last, width, object_id, position, normal, depth, footp
                         x, y, z = position[i, 0], position[i, 1], position[i, 2]
                         low_x, low_y, low_z = min(low_x, x), min(low_y, y), min(low_z, z)
                         high_x, high_y, high_z = max(high_x, x), max(high_y, y), max(high_z, z)
-                        widest = max(widest, width_on_surface(footprint, depth[i], eye, x, y, z, normal, i))
+                        widest = max(
+                            widest,
+                            width_on_surface(
+                                footprint, depth[i], eye, x, y, z, normal[i, 0], normal[i, 1], normal[i, 2]
+                            ),
+                        )
             if low_x > high_x:
                 continue
             x, y, z = (low_x + high_x) * f32(0.5), (low_y + high_y) * f32(0.5), (low_z + high_z) * f32(0.5)
@@ -292,7 +313,9 @@ def forget_crossed(first, last, width, object_id, position, normal, depth, footp
                     if mask[i] != history_code:
                         continue
                     x, y, z = position[i, 0], position[i, 1], position[i, 2]
-                    slack = width_on_surface(footprint, depth[i], eye, x, y, z, normal, i)
+                    slack = width_on_surface(
+                        footprint, depth[i], eye, x, y, z, normal[i, 0], normal[i, 1], normal[i, 2]
+                    )
                     for p in range(found):
                         if crossed(x, y, z, ends[pairs[p, 0]], spheres[pairs[p, 1]], slack):
                             mask[i] = none_code
@@ -301,15 +324,6 @@ def forget_crossed(first, last, width, object_id, position, normal, depth, footp
                             cleared += 1
                             break
     return cleared
-
-
-@device
-def width_on_surface(footprint, depth, eye, x, y, z, normal, i):
-    """How far apart, in metres along the surface, neighbouring pixels are: the value may have been traced so far away."""
-    dx, dy, dz = eye[0] - x * eye[3], eye[1] - y * eye[3], eye[2] - z * eye[3]
-    length = math.sqrt(dx * dx + dy * dy + dz * dz + f32(1e-20))
-    cosine = abs(dx * normal[i, 0] + dy * normal[i, 1] + dz * normal[i, 2]) / length
-    return (footprint[0] + footprint[1] * depth) / max(cosine, f32(0.05))
 
 
 @kernel

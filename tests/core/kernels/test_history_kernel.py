@@ -69,6 +69,11 @@ def footprint_of(view: CameraView) -> np.ndarray:
     return np.array([view.pixel_spread, 0] if view.orthographic else [0, view.pixel_spread], np.float32)
 
 
+def eye_of(view: CameraView) -> np.ndarray:
+    matrix = view.world_from_view
+    return np.array([*matrix[:3, 2], 0] if view.orthographic else [*matrix[:3, 3], 1], np.float32)
+
+
 def matched(now: CameraView, then: CameraView, moved: tuple[int, ...] = ()) -> tuple[np.ndarray, np.ndarray]:
     """source and slip of the picture `now`, seen `then` before."""
     here, past = picture(now), picture(then)
@@ -78,7 +83,7 @@ def matched(now: CameraView, then: CameraView, moved: tuple[int, ...] = ()) -> t
     match_pixels(
         0, COUNT, here["object_id"], here["material_id"], here["position"], here["normal"], here["depth"],
         past["object_id"], past["material_id"], past["position"], past["normal"],
-        then.clip_from_world().astype(np.float32), WIDTH, HEIGHT, footprint_of(now), flags, source, slip,
+        then.clip_from_world().astype(np.float32), WIDTH, HEIGHT, footprint_of(now), eye_of(now), flags, source, slip,
     )  # fmt: skip
     return source, slip
 
