@@ -65,7 +65,7 @@ def test_small_gaps_between_earlier_values_are_filled_and_the_rest_falls_back() 
     mask = frame.masks["visibility"]
     for code in (MASK_HISTORY, MASK_FILLED, MASK_FALLBACK):
         assert (mask == code).any()
-    assert (mask == MASK_HISTORY).sum() > 5 * (mask == MASK_FILLED).sum()
+    assert (mask == MASK_HISTORY).sum() > 2 * (mask == MASK_FILLED).sum()
 
 
 class QuarterOnce(TraceIn):

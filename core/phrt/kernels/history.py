@@ -16,10 +16,9 @@ from phrt.kernels.jit import device, kernel
 f32 = np.float32
 STEP = f32(1.0 / 64.0)
 """Of offsets, in pixels; they are int8."""
-REACH = f32(0.8)
-"""A value that was traced within this many pixels of a pixel's centre is near enough; its corners are 0.71 away."""
-FAR_REACH = f32(1.5)
-"""And this far away it may be, where none is nearer: when the camera goes ahead, values spread out."""
+REACH = f32(0.95)
+"""A value stands in for a pixel when it was traced within this many pixels of its centre. A pixel's corners are 0.71 away, and the
+next pixel 1: an item of which a quarter was traced is not passed off as whole."""
 NORMALS_AGREE = f32(0.9)
 OFF_PLANE = f32(2.0)
 """How far the earlier point may lie off the plane of the present one, in widths of a pixel there,"""
@@ -117,7 +116,7 @@ def choose_values(first, last, source, slip, object_id, material_id, position, n
 
     source, slip: of `match_pixels`. applies (materials,) bool. past_mask (P,), past_offset (P, 2) int8: of an effect's layer; the
     offset is read where the mask is history_code. chosen (P,) int32 gets the pixel, -1 when nothing was traced within
-    FAR_REACH; offset (P, 2) int8 how far beside the present pixel's centre that was.
+    REACH; offset (P, 2) int8 how far beside the present pixel's centre that was.
 
     First the pixel where the point was. Its value may have been traced nearer to the next point: then the neighbour on the other
     side has ours. Only where neither has one near enough, all neighbours are looked at.
@@ -129,7 +128,7 @@ def choose_values(first, last, source, slip, object_id, material_id, position, n
         if start < 0 or not applies[material_id[i]]:
             continue
         slip_x, slip_y = slip[i, 0], slip[i, 1]
-        best, best_x, best_y, nearest = np.int32(-1), f32(0.0), f32(0.0), FAR_REACH * FAR_REACH
+        best, best_x, best_y, nearest = np.int32(-1), f32(0.0), f32(0.0), f32(4.0)
         a, b = 0, 0
         code = past_mask[start]
         if code in (traced_code, history_code):
@@ -171,7 +170,7 @@ def choose_values(first, last, source, slip, object_id, material_id, position, n
                 past_normal[j, 0], past_normal[j, 1], past_normal[j, 2], off_plane(width, x, y, z),
             ):  # fmt: skip
                 best, best_x, best_y, nearest = np.int32(j), aside_x, aside_y, distance
-        if best < 0 or best_x * best_x + best_y * best_y > FAR_REACH * FAR_REACH:
+        if best < 0 or best_x * best_x + best_y * best_y > REACH * REACH:
             continue
         chosen[i] = best
         offset[i, 0], offset[i, 1] = in_steps(best_x), in_steps(best_y)

@@ -10,7 +10,6 @@ from kernel_kit import unit
 
 from phrt.camera import CameraView, look_at
 from phrt.kernels.history import (
-    FAR_REACH,
     NORMALS_AGREE,
     OFF_PLANE,
     REACH,
@@ -175,7 +174,7 @@ def test_the_value_traced_nearest_is_chosen(density: float) -> None:
         nearest = chosen_twin(i, source, slip, mask, offset, lambda i, j: agrees(i, j, here, past, now))
         if chosen[i] < 0:
             gap += 1
-            assert nearest > FAR_REACH - 1e-3
+            assert nearest > REACH - 1e-3
             continue
         j, distance = chosen[i], np.hypot(*(aside[i] * float(STEP)))
         assert agrees(i, j, here, past, now)
@@ -184,7 +183,7 @@ def test_the_value_traced_nearest_is_chosen(density: float) -> None:
         np.testing.assert_allclose(aside[i] * float(STEP), own, atol=float(STEP) * 0.51)
         # The very nearest, or one that is near enough.
         assert distance <= max(nearest, float(REACH)) + 2 * float(STEP)
-    assert (gap == 0) == (density == 1.0)
+    assert (gap < 0.01 * COUNT) == (density == 1.0)
     assert (chosen[source < 0] == -1).all()
 
 
