@@ -310,8 +310,10 @@ def line_of(thing: str, effect: str, frames: np.ndarray, pixels: np.ndarray, siz
 
 
 def chosen_effects(run: Run, known: list[str], given: str | None) -> list[str]:
-    """Those of `known` that `given` names: one, with "shadows" all of "shadows@LIGHT", with None every one. Raises OptionError."""
-    chosen = [name for name in known if given in (None, name, name.partition("@")[0])]
+    """Those of `known` that `given` names: one, with "shadows" all of "shadows@LIGHT" or "all" that it is part of, with None
+    every one. Raises OptionError."""
+    part = given in run.config["effects"]
+    chosen = [name for name in known if given in (None, name, name.partition("@")[0]) or (part and name == "all")]
     if given is not None and not chosen:
         names = sorted(known)
         raise OptionError(f"'{run.folder}' has no effect '{given}': {', '.join(names)}.{did_you_mean(given, names)}")

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from recording_kit import decided, renderer_of, row_of, three_things
+from recording_kit import decided, record, renderer_of, row_of, three_things
 
 from phrt.errors import OptionError, PhrtWarning
 from phrt.frame import REASONS, FrameResult
@@ -138,13 +138,13 @@ def test_a_heuristic_that_was_switched_off_is_the_reason_from_then_on(tmp_path: 
             if context.frame_index == 1:
                 raise ValueError("no idea")
 
-    def record() -> None:
+    def break_it() -> None:
         with renderer_of(heuristic=Breaks()) as renderer, Recorder(tmp_path / "run", renderer) as recorder:
             for _ in range(3):
                 recorder.add(renderer.render())
 
     with pytest.warns(PhrtWarning, match="no idea; it is switched off"):
-        record()
+        break_it()
     run = read_run(tmp_path / "run")
     sentences = [explain_object(run, number, FLOOR, "shadows")[0].sentence for number in range(3)]
     assert sentences[0].endswith("Breaks asked for nothing in this frame.")
@@ -211,6 +211,16 @@ def test_every_reason_has_its_own_sentence(tmp_path: Path, frame: FrameResult) -
         rows = {(FLOOR, "shadows"): given, (MIRROR, "reflections"): traced(0)}
         sentences.add(why(tmp_path / str(number), frame, rows))
     assert len(sentences) == len(REASONS)
+
+
+@pytest.mark.parametrize(("group_by", "effects"), [("object", ["all"]), ("object_effect_light", ["shadows@/light0"])])
+def test_other_work_items_are_found_by_their_effect(tmp_path: Path, group_by: Any, effects: list[str]) -> None:
+    record(tmp_path / "run", 2, heuristic="all_trace", group_by=group_by)
+    run = read_run(tmp_path / "run")
+    found = explain_object(run, 1, FLOOR, "shadows")
+    assert [each.effect for each in found] == effects
+    assert found[0].sentence.startswith(f"{subject(effects[0], FLOOR)} traced whole in frame 1: number ")
+    assert [line.effect for line in over_time(run, FLOOR, "shadows")] == effects
 
 
 def test_words_of_items() -> None:
