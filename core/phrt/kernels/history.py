@@ -22,8 +22,9 @@ next pixel 1: an item of which a quarter was traced is not passed off as whole."
 NORMALS_AGREE = f32(0.9)
 OFF_PLANE = f32(2.0)
 """How far the earlier point may lie off the plane of the present one, in widths of a pixel there,"""
-ASIDE = f32(1.5)
-"""and how far beside it on the surface, in distances to the neighbouring pixel: an earlier picture may have been coarser."""
+ASIDE = f32(1.25)
+"""and how many times as far beside it, over the cosine to the eye: an earlier picture may have been coarser."""
+BLOCK = 256
 TILE = 16
 """Tiles of so many pixels a side are tested against what moved, before their pixels are."""
 
@@ -61,45 +62,56 @@ def match_pixels(first, last, object_id, material_id, position, normal, depth, p
     source (P,) int32 gets the nearest pixel of the previous picture that shows the same surface, -1 where none does;
     slip (P, 2) float32 how far beside that pixel's centre the point was, in pixels.
     """
-    for pixel in range(first, last):
-        i = np.uint32(pixel)
-        source[i] = -1
-        o = object_id[i]
-        if o == 0 or moved[o]:
-            continue
-        x, y, z = position[i, 0], position[i, 1], position[i, 2]
-        w = past_clip[3, 0] * x + past_clip[3, 1] * y + past_clip[3, 2] * z + past_clip[3, 3]
-        if w <= f32(1e-6):
-            continue
-        cx = past_clip[0, 0] * x + past_clip[0, 1] * y + past_clip[0, 2] * z + past_clip[0, 3]
-        cy = past_clip[1, 0] * x + past_clip[1, 1] * y + past_clip[1, 2] * z + past_clip[1, 3]
-        scale = f32(0.5) / w
-        u, v = (cx * scale + f32(0.5)) * f32(past_width), (f32(0.5) - cy * scale) * f32(past_height)
-        if not (u > f32(-0.5) and v > f32(-0.5) and u < f32(past_width) + f32(0.5) and v < f32(past_height) + f32(0.5)):
-            continue
-        column, row = np.int32(u + f32(1.0)) - 1, np.int32(v + f32(1.0)) - 1
-        nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
-        off = off_plane(footprint[0] + footprint[1] * depth[i], x, y, z)
-        aside = ASIDE * width_on_surface(footprint, depth[i], eye, x, y, z, nx, ny, nz) + off
-        m = material_id[i]
-        # The pixel it fell into; at edges of objects one of the next nearest may show it instead.
-        right = 1 if u - f32(column) >= f32(0.5) else -1
-        down = 1 if v - f32(row) >= f32(0.5) else -1
-        for k in range(4):
-            a, b = column + (right if k & 1 else 0), row + (down if k & 2 else 0)
-            if a < 0 or b < 0 or a >= past_width or b >= past_height:
+    width, height = f32(past_width), f32(past_height)
+    across, down = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
+    for block in range(first, last, BLOCK):
+        size = min(BLOCK, last - block)
+        # Places in the previous picture, without branches, so that the compiler makes vector instructions of it.
+        for k in range(size):
+            i = np.uint32(block + k)
+            x, y, z = position[i, 0], position[i, 1], position[i, 2]
+            w = past_clip[3, 0] * x + past_clip[3, 1] * y + past_clip[3, 2] * z + past_clip[3, 3]
+            cx = past_clip[0, 0] * x + past_clip[0, 1] * y + past_clip[0, 2] * z + past_clip[0, 3]
+            cy = past_clip[1, 0] * x + past_clip[1, 1] * y + past_clip[1, 2] * z + past_clip[1, 3]
+            scale = f32(0.5) / max(w, f32(1e-6))
+            u = (cx * scale + f32(0.5)) * width
+            across[k] = u if w > f32(1e-6) else f32(-9.0)
+            down[k] = (f32(0.5) - cy * scale) * height
+        for k in range(size):
+            i = np.uint32(block + k)
+            source[i] = -1
+            u, v = across[k], down[k]
+            o = object_id[i]
+            seen = u > f32(-0.5) and v > f32(-0.5) and u < width + f32(0.5) and v < height + f32(0.5)
+            if o == 0 or not seen or moved[o]:
                 continue
-            j = np.uint32(b * past_width + a)
-            if past_object[j] != o or past_material[j] != m:
-                continue
-            px, py, pz = past_position[j, 0], past_position[j, 1], past_position[j, 2]
-            dx, dy, dz = px - x, py - y, pz - z
-            if dx * dx + dy * dy + dz * dz <= aside * aside and same_plane(
-                x, y, z, nx, ny, nz, px, py, pz, past_normal[j, 0], past_normal[j, 1], past_normal[j, 2], off
-            ):
-                source[i] = j
-                slip[i, 0], slip[i, 1] = u - (f32(a) + f32(0.5)), v - (f32(b) + f32(0.5))
-                break
+            x, y, z, m = position[i, 0], position[i, 1], position[i, 2], material_id[i]
+            nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
+            pixel = footprint[0] + footprint[1] * depth[i]
+            off = off_plane(pixel, x, y, z)
+            ex, ey, ez = eye[0] - x * eye[3], eye[1] - y * eye[3], eye[2] - z * eye[3]
+            far = ex * ex + ey * ey + ez * ez
+            cosine = ex * nx + ey * ny + ez * nz
+            cosine2, beside2 = max(cosine * cosine, f32(0.0025) * far), ASIDE * ASIDE * off * off * far
+            # The pixel it fell into; at edges of objects one of the next nearest may show it instead.
+            column, row = np.int32(u + f32(1.0)) - 1, np.int32(v + f32(1.0)) - 1
+            step_x = 1 if u - f32(column) >= f32(0.5) else -1
+            step_y = 1 if v - f32(row) >= f32(0.5) else -1
+            for corner in range(4):
+                a, b = column + (step_x if corner & 1 else 0), row + (step_y if corner & 2 else 0)
+                if a < 0 or b < 0 or a >= past_width or b >= past_height:
+                    continue
+                j = np.uint32(b * past_width + a)
+                if past_object[j] != o or past_material[j] != m:
+                    continue
+                px, py, pz = past_position[j, 0], past_position[j, 1], past_position[j, 2]
+                dx, dy, dz = px - x, py - y, pz - z
+                if (dx * dx + dy * dy + dz * dz) * cosine2 <= beside2 and same_plane(
+                    x, y, z, nx, ny, nz, px, py, pz, past_normal[j, 0], past_normal[j, 1], past_normal[j, 2], off
+                ):
+                    source[i] = j
+                    slip[i, 0], slip[i, 1] = u - (f32(a) + f32(0.5)), v - (f32(b) + f32(0.5))
+                    break
 
 
 @device
