@@ -188,7 +188,7 @@ class History:
                 )  # fmt: skip
                 if number and len(moves.casters) and len(ends[name]):
                     number -= forget_crossed(
-                        first, last, width, here.object_id, here.position, here.geometric_normal, here.depth, footprint,
+                        first, last, width, here.position, here.geometric_normal, here.depth, footprint,
                         eyes[0], ends[name], moves.casters, MASK_HISTORY, MASK_NONE, np.float32(self._clear[name]),
                         layer, mask,
                     )  # fmt: skip
