@@ -7,8 +7,8 @@ its four interleaved passes. Every pass is worth the error it takes away, times 
 taken by falling worth per predicted cost. So most items get a quarter of their pixels before any gets all, and those whose gaps
 are filled badly (mirrors, edges of shadows) get more. Mandatory items come first.
 
-What was not measured is expected to change more than the mean of its effect, and what was traced long ago is forgotten towards
-that: everything is tried again some time. Passes that were traced in the previous frame have a small advantage, so that choices
+What was not measured is expected to change more than the mean of its effect, what was traced long ago is forgotten towards that,
+and the longer an item waits, the more is hoped for: everything is tried again some time. Passes that were traced in the previous frame have a small advantage, so that choices
 do not flip from frame to frame.
 
 Options: power, optimism, forget_frames, damping.
@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phrt.interfaces.heuristic import PASSES, Candidates, FrameContext, Heuristic, Request
+from phrt.interfaces.heuristic import NEVER_TRACED, PASSES, Candidates, FrameContext, Heuristic, Request
 from phrt_heuristics.kernels import take_steps
 from phrt_heuristics.options import GainOptions
 
@@ -40,6 +40,9 @@ over its directions (the tests simulate it)."""
 
 FIRST_GUESS = 0.1
 """What tracing is expected to change where nothing of the effect was measured yet."""
+
+LONGEST_WAIT = 100.0
+"""Waiting counts up to so many times `forget_frames`."""
 
 
 class Gain(Heuristic):
@@ -80,10 +83,16 @@ class Gain(Heuristic):
 
     def _worth(self, candidates: Candidates, passes: np.ndarray) -> np.ndarray:
         """(n, 3) float64, error that each step of `passes` (n, 3) takes away, summed over the item's pixels, times K."""
-        change = self._expected(candidates, "measured_change", FIRST_GUESS, self._options.optimism)
-        detail = np.minimum(self._expected(candidates, "measured_detail", FIRST_GUESS, self._options.optimism), change)
-        drift = self._expected(candidates, "measured_drift", FIRST_GUESS / PASSES, 1.0)
-        strength = self._expected(candidates, "measured_strength", FIRST_GUESS, 1.0)
+        forget = self._options.forget_frames
+        never = candidates.frames_since_traced == NEVER_TRACED
+        waited = np.where(never, candidates.seen_frames, candidates.frames_since_traced - 1) / forget
+        # Who waits for long is hoped to be worth more and more, or what seems to change little would never be tried again.
+        hope = self._options.optimism * (1.0 + np.minimum(waited, LONGEST_WAIT))
+        forgotten = np.where(never, 1.0, 1.0 - 0.5**waited)
+        change = self._expected(candidates, "measured_change", FIRST_GUESS, hope, forgotten)
+        detail = np.minimum(self._expected(candidates, "measured_detail", FIRST_GUESS, 1.0, forgotten), change)
+        drift = self._expected(candidates, "measured_drift", FIRST_GUESS / PASSES, 1.0, forgotten)
+        strength = np.maximum(self._expected(candidates, "measured_strength", FIRST_GUESS, 1.0, forgotten), 1 / 255)
         # Values of earlier frames stay where a pass does not come; elsewhere gaps are filled, also between such values.
         share = candidates.history_share.astype(np.float64)
         aged = share * np.minimum(drift * candidates.history_age, change)
@@ -98,20 +107,26 @@ class Gain(Heuristic):
         # No step may be worth more for its price than the one before it, or it would be asked for first.
         return np.asarray(weight[:, None] * np.minimum.accumulate(per_pass, axis=1) * passes)
 
-    def _expected(self, candidates: Candidates, column: str, first_guess: float, optimism: float) -> np.ndarray:
-        """(n,) float64, what was measured, or what to expect where that is unknown or long ago."""
+    def _expected(
+        self, candidates: Candidates, column: str, guess: float, hope: float | np.ndarray, forgotten: np.ndarray
+    ) -> np.ndarray:
+        """(n,) float64, what was measured, as far as it is not `forgotten` (n,) 0 to 1, and else `hope` times the effect's mean.
+
+        The mean is over the pixels of the items that were measured, and of one more, of mean size, that has `guess`.
+        """
         measured = getattr(candidates, column).astype(np.float64)
         known = np.isfinite(measured)
         value = np.where(known, measured, 0.0)
         pixels = np.where(known, candidates.pixel_count, 0).astype(np.float64)
-        names = candidates.effect_names
-        total = np.bincount(candidates.effect, weights=pixels, minlength=len(names))
-        sums = np.bincount(candidates.effect, weights=pixels * value, minlength=len(names))
-        self._means |= {(column, names[k]): float(sums[k] / total[k]) for k in np.flatnonzero(total > 0).tolist()}
-        means = np.array([self._means.get((column, name), first_guess) for name in names])
-        hoped = optimism * means[candidates.effect]
-        waited = np.minimum(candidates.frames_since_traced - 1, 100 * self._options.forget_frames)
-        forgotten = 1.0 - 0.5 ** (waited / self._options.forget_frames)
+        names, effect = candidates.effect_names, candidates.effect
+        items, total, sums = (
+            np.bincount(effect, weights=weights, minlength=len(names)) for weights in (known, pixels, pixels * value)
+        )
+        for k in np.flatnonzero(total > 0).tolist():
+            extra = total[k] / items[k]
+            self._means[column, names[k]] = float((sums[k] + guess * extra) / (total[k] + extra))
+        means = np.array([self._means.get((column, name), guess) for name in names])
+        hoped = hope * means[effect]
         return np.where(known, value + np.maximum(hoped - value, 0.0) * forgotten, hoped)
 
 
