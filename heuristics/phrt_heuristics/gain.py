@@ -8,8 +8,8 @@ taken by falling worth per predicted cost. So most items get a quarter of their 
 are filled badly (mirrors, edges of shadows) get more. Mandatory items come first.
 
 What was not measured is expected to change more than the mean of its effect, what was traced long ago is forgotten towards that,
-and the longer an item waits, the more is hoped for: everything is tried again some time. Passes that were traced in the previous frame have a small advantage, so that choices
-do not flip from frame to frame.
+and the longer an item waits, the more is hoped for: everything is tried again some time. Passes that were traced in the previous
+frame have a small advantage, so that choices do not flip from frame to frame.
 
 Options: power, optimism, forget_frames, damping.
 Source: ours. Levels of detail by benefit and cost: Funkhouser and Sequin 1993, section 4; optimism about what is not known: Lai and
