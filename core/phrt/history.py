@@ -3,7 +3,7 @@ changed it.
 
 Only references to the previous frame's arrays are kept; `BufferPool` leaves them alone as long. What was taken over is
 itself taken over in the next frame, with its age and with the place where it was traced, so that it does not drift.
-Source: Walter, Drettakis and Parker 1999 (the render cache); Scherzer et al. 2012, section 3 (reverse reprojection).
+Source: Walter et al. 1999 (the render cache); Scherzer et al. 2012 (reverse reprojection).
 """
 
 from __future__ import annotations

@@ -280,8 +280,9 @@ def forget_crossed(first, last, width, position, normal, depth, footprint, eye, 
                    none_code, clear, layer, mask):  # fmt: skip
     """Values at pixels first..last - 1 (whole rows) that a moving sphere can have changed are cleared again.
 
-    ends (K, 5): x, y, z, kind and extent as in `crossed`; spheres (M, 4): centre, radius, before and after; eye (4,) as in `carry`. Tile by tile: what no
-    way from a tile's bounding sphere meets, none from its pixels does. Returns how many pixels were cleared.
+    ends (K, 5): x, y, z, kind and extent as in `crossed`; spheres (M, 4): centre, radius, before and after; eye (4,) as in
+    `carry`. Tile by tile: what no way from a tile's bounding sphere meets, none from its pixels does. Returns how many pixels
+    were cleared.
     """
     rows = (last - first) // width
     pairs = np.empty((len(ends) * len(spheres), 2), np.int32)
