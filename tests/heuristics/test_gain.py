@@ -251,5 +251,5 @@ def test_what_filling_leaves_is_what_straight_edges_leave(after: int) -> None:
         means, found = np.empty((len(firsts), 1), np.float32), np.empty(len(firsts), np.uint8)
         neighbour_values(firsts, one, whole, MASK_TRACED, size, size, lit, means, found)
         detail += float(np.abs(means - lit[firsts]).mean())
-    step = int(np.flatnonzero(np.cumsum(STEPS) == after)[0])
+    step = int(np.flatnonzero(np.cumsum(STEPS[0]) == after)[0])
     assert left / detail == pytest.approx(ERROR_LEFT[step], abs=0.03)
