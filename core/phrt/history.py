@@ -30,8 +30,6 @@ from phrt.world import World
 BAND_PIXELS = 32768
 """Pixels a thread takes at a time, in whole rows of tiles."""
 
-_FOR_EVER = 255
-
 
 @dataclass(frozen=True)
 class _Trail:
@@ -127,12 +125,6 @@ class History:
         )
         self._trails = {}
         self._eyes.appendleft(eye_row(frame.view))
-
-    def forget(self) -> None:
-        """Nothing of the frames so far is used again."""
-        self._past = None
-        self._trails = {}
-        self._eyes.clear()
 
     def _moves(self, past: _Past, world: World) -> _Moves:
         moved = (world.object_matrix != past.object_matrix).any(axis=(1, 2))
