@@ -99,7 +99,10 @@ def one_frame(
     while (answer := heuristic.next(remaining)) is not None:
         request = answer if isinstance(answer, Request) else Request(answer)
         assert type(request.item) is int
-        cost = float(work.predicted_cost[request.item]) * request.passes / PASSES
+        share = request.passes / PASSES
+        if request.pixels is not None:
+            share = min(share, request.pixels / float(work.pixel_count[request.item]))
+        cost = float(work.predicted_cost[request.item]) * share
         assert cost <= remaining, "an item over the remaining budget"
         remaining -= cost
         chosen.append((request.item, request.passes))

@@ -9,7 +9,8 @@ are filled badly (mirrors, edges of shadows) get more. Mandatory items come firs
 
 What was not measured is expected to change more than the mean of its effect, what was traced long ago is forgotten towards that,
 and the longer an item waits, the more is hoped for: everything is tried again some time. Passes that were traced in the previous
-frame have a small advantage, so that choices do not flip from frame to frame.
+frame have a small advantage, so that choices do not flip from frame to frame. Where the budget ends within a step, part of it is
+traced.
 
 Options: power, optimism, forget_frames, damping.
 Source: ours. Levels of detail by benefit and cost: Funkhouser and Sequin 1993, section 4; optimism about what is not known: Lai and
@@ -41,6 +42,9 @@ over its directions (the tests simulate it)."""
 COLUMNS = ("measured_change", "measured_detail", "measured_drift", "measured_strength")
 FIRST_GUESS = np.array([0.1, 0.1, 0.025, 0.1])
 """What is expected of each column where nothing of the effect was measured yet."""
+
+LEAST_SHARE = 0.125
+"""Of a step that does not fit, as much is asked for as does, if it is this share of it at least."""
 
 LONGEST_WAIT = 100.0
 """Waiting counts up to so many times `forget_frames`."""
@@ -83,14 +87,30 @@ class Gain(Heuristic):
         self._order = np.sort(order[:count])
 
     def next(self, remaining: float) -> Request | None:
-        taken = self.take(remaining, 0.0)
-        return Request(int(taken[0, 0]), int(taken[0, 1])) if len(taken) else None
+        taken = self._take(remaining, 0.0)
+        return Request(int(taken[0, 0]), int(taken[0, 1])) if len(taken) else self._part(remaining)
 
-    def take(self, remaining: float, enough: float) -> np.ndarray:
+    def take(self, remaining: float, enough: float) -> np.ndarray | None:
+        taken = self._take(remaining, enough)
+        # What does not fit in whole steps, `next` says.
+        return taken if len(taken) or self._place[0] == len(self._order) else None
+
+    def _part(self, remaining: float) -> Request | None:
+        """As much of the next step as fits."""
+        if self._place[0] == len(self._order):
+            return None
+        number = int(self._order[self._place[0]]) & 0xFFFFFFFF
+        self._place[0] += 1
+        item = int(self._row_of_key[number >> 2])
+        pixels = int(remaining * float(self._pixel_count[item]) / float(self._cost[item]))
+        return Request(item, int(STEPS[0, number & 3]), pixels)
+
+    def _take(self, remaining: float, enough: float) -> np.ndarray:
+        """(k, 2) int32 items and passes, the next steps that fit."""
         taken = np.empty((min(len(self._order) - int(self._place[0]), len(self._keys)), 2), np.int32)
         count = take_steps(
-            self._order, self._place, self._row_of_key, self._pixel_count, self._cost, SMALL_PIXELS, STEPS, remaining,
-            max(enough, 1e-300), self._row_of_item, taken,
+            self._order, self._place, self._row_of_key, self._pixel_count, self._cost, SMALL_PIXELS, STEPS, LEAST_SHARE,
+            remaining, max(enough, 1e-300), self._row_of_item, taken,
         )  # fmt: skip
         taken = taken[:count]
         self._given[taken[:, 0]] += taken[:, 1]

@@ -95,9 +95,10 @@ def rank_steps(
 
 @kernel
 def take_steps(
-    order, place, row_of_key, pixel_count, cost, small_pixels, step_passes, remaining, enough, row_of_item, taken
+    order, place, row_of_key, pixel_count, cost, small_pixels, step_passes, least_share, remaining, enough, row_of_item, taken
 ):  # fmt: skip
-    """The steps from place[0] on that fit one after the other, until they cost `enough` together; others are passed over.
+    """The steps from place[0] on that fit one after the other, until they cost `enough` together; others are passed over. A
+    step of a large item of which `least_share` would fit is not: it is left for the caller, at place[0].
 
     order (s,) uint64 sorted numbers of `rank_steps`; row_of_key (key,) int32 candidates; taken (k, 2) int32 gets items and passes,
     one row for all steps of an item; row_of_item (n,) int32 is -1 before and after. Returns how many rows there are.
@@ -106,12 +107,15 @@ def take_steps(
     total = step_passes[0].sum()
     while place[0] < len(order) and planned < enough:
         number = order[place[0]] & np.uint64(0xFFFFFFFF)
-        place[0] += 1
         item = row_of_key[number >> np.uint64(2)]
         passes = step_passes[int(pixel_count[item] < small_pixels), number & np.uint64(3)]
         price = f64(cost[item]) * passes / total
         if price > remaining - planned:
+            if pixel_count[item] >= small_pixels and remaining - planned >= least_share * price:
+                break
+            place[0] += 1
             continue
+        place[0] += 1
         planned += price
         row = row_of_item[item]
         if row < 0:

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from phrt.frame import MASK_FILLED, MASK_HISTORY, MASK_TRACED
-from phrt.interfaces.heuristic import NEVER_TRACED, PASSES, Candidates
+from phrt.interfaces.heuristic import NEVER_TRACED, PASSES, Candidates, Request
 from phrt.kernels.change import neighbour_values
 from phrt.kernels.layers import fill_gaps
 from phrt.registry import get_registry
@@ -53,7 +53,7 @@ def test_what_changes_more_comes_first() -> None:
 
 
 def test_what_costs_less_comes_first() -> None:
-    assert one_frame(made(), measured([0.2, 0.2], cost=[4000.0, 3000.0]), 1000) == [(1, 1)]
+    assert one_frame(made(), measured([0.2, 0.2], cost=[4000.0, 3000.0]), 800) == [(1, 1)]
 
 
 def test_what_is_important_comes_first() -> None:
@@ -217,12 +217,32 @@ def test_many_at_once_are_the_same_passes(items: list[tuple[Any, ...]], budget: 
     expected = passes_of(one_frame(made(), work, budget), len(items))
     heuristic, remaining, found = made(), float(budget), np.zeros(len(items), int)
     heuristic.begin_frame(work, context(budget))
-    while len(taken := heuristic.take(remaining, share * remaining)):
+    while (taken := heuristic.take(remaining, share * remaining)) is not None and len(taken):
         assert len(np.unique(taken[:, 0])) == len(taken), "an item twice in one answer"
         found[taken[:, 0]] += taken[:, 1]
         remaining -= float((work.predicted_cost[taken[:, 0]] * taken[:, 1] / PASSES).sum())
         assert remaining >= 0
+    while (request := heuristic.next(remaining)) is not None:
+        found[request.item] += request.passes
+        part = (request.pixels or work.pixel_count[request.item]) / work.pixel_count[request.item]
+        remaining -= float(work.predicted_cost[request.item]) * min(request.passes / PASSES, part)
+        assert remaining >= -1e-6
     assert found.tolist() == expected
+
+
+def test_where_the_budget_ends_within_a_step_part_of_it_is_traced() -> None:
+    heuristic = made()
+    heuristic.begin_frame(measured([0.3, 0.1], [0.3, 0.1]), context(1250.0))
+    assert heuristic.take(1250.0, 1250.0).tolist() == [[0, 1]]
+    assert heuristic.take(250.0, 250.0) is None
+    assert heuristic.next(250.0) == Request(1, 1, pixels=62)
+
+
+def test_a_small_rest_is_not_worth_a_part() -> None:
+    heuristic = made()
+    heuristic.begin_frame(measured([0.3]), context(100.0))
+    assert heuristic.take(100.0, 100.0).tolist() == []
+    assert heuristic.next(100.0) is None
 
 
 def test_equal_items_go_by_their_keys() -> None:
