@@ -85,15 +85,23 @@ class WorkItems:
 
     @cached_property
     def passes(self) -> Passes:
-        """The interleaved passes of every unit; only those who ask pay for it."""
-        ordered, ends = [], np.zeros((len(self.units), PASSES), np.int64)
-        for effect, pixels in enumerate(self.pixels):
-            mine = np.flatnonzero(self.units.effect == effect)
-            out, own = np.empty_like(pixels), np.zeros((len(mine), PASSES), np.int64)
-            interleave_units(pixels, self.units.first[mine], self.units.count[mine], self.width, out, own)
-            ordered.append(out)
-            ends[mine] = own
-        return Passes(ordered, ends)
+        """The interleaved passes of every unit; only those who ask for them pay."""
+        ends = np.zeros((len(self.units), PASSES), np.int64)
+        return Passes([self._in_passes(effect, slice(None), ends) for effect in range(len(self.pixels))], ends)
+
+    def in_passes(self, effect: int, units: np.ndarray) -> np.ndarray:
+        """pixels[effect] with those of `units` (k,) in the order of their interleaved passes; the others may hold anything."""
+        if "passes" in self.__dict__:
+            return self.passes.pixels[effect]
+        return self._in_passes(effect, units, np.zeros((len(self.units), PASSES), np.int64))
+
+    def _in_passes(self, effect: int, units: np.ndarray | slice, ends: np.ndarray) -> np.ndarray:
+        rows = np.arange(len(self.units))[units]
+        rows = rows[self.units.effect[rows] == effect]
+        out, own = np.empty_like(self.pixels[effect]), np.zeros((len(rows), PASSES), np.int64)
+        interleave_units(self.pixels[effect], self.units.first[rows], self.units.count[rows], self.width, out, own)
+        ends[rows] = own
+        return out
 
 
 @dataclass(frozen=True)
