@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phrt.kernels.jit import device, inlined
+from phrt.kernels.jit import device
 from phrt.kernels.mipmaps import SRGB_TO_LINEAR
 
 f32 = np.float32
@@ -43,9 +43,9 @@ def wrapped(coordinate, mode):
     return f32(1.0) - abs((half - f32(floor32(half))) * f32(2.0) - f32(1.0))
 
 
-@inlined
-def bilinear(texels, start, width, height, u, v, wrap_s, wrap_t, srgb):
-    """(r, g, b, a) 0..1 at wrapped u, v of one mip level; colour decoded where srgb."""
+@device
+def corners(start, width, height, u, v, wrap_s, wrap_t):
+    """The four texels around wrapped u, v in one mip level, row by row, and how far (x, y) the point is among them."""
     x = u * f32(width) - f32(0.5)
     y = v * f32(height) - f32(0.5)
     x0, y0 = floor32(x), floor32(y)
@@ -61,11 +61,42 @@ def bilinear(texels, start, width, height, u, v, wrap_s, wrap_t, srgb):
     if y1 >= height:
         y1 = np.int32(0) if wrap_t == 0 else height - np.int32(1)
         y0 = min(y0, height - np.int32(1))
-    i, j = start + np.uint32(y0 * width + x0), start + np.uint32(y0 * width + x1)
-    k, m = start + np.uint32(y1 * width + x0), start + np.uint32(y1 * width + x1)
+    upper, lower = y0 * width, y1 * width
+    return (
+        start + np.uint32(upper + x0),
+        start + np.uint32(upper + x1),
+        start + np.uint32(lower + x0),
+        start + np.uint32(lower + x1),
+        fx,
+        fy,
+    )
+
+
+@device
+def place(textures, level_start, row, u0, v0, u1, v1, footprint):
+    """Where a lookup in texture `row` reads: `corners` in the mip level nearest to the ray's footprint.
+
+    footprint: log2 of the ray cone's width in uv units, as the `surface` kernel computes it.
+    """
+    texture = textures[row]
+    u, v = (u0, v0) if texture.uv_set == 0 else (u1, v1)
+    tu = wrapped(texture.m00 * u + texture.m01 * v + texture.m02, texture.wrap_s)
+    tv = wrapped(texture.m10 * u + texture.m11 * v + texture.m12, texture.wrap_t)
+    if texture.nearest:
+        x = min(np.int32(tu * f32(texture.width)), texture.width - np.int32(1))
+        y = min(np.int32(tv * f32(texture.height)), texture.height - np.int32(1))
+        i = level_start[row, 0] + np.uint32(y * texture.width + x)
+        return i, i, i, i, f32(0.0), f32(0.0)
+    level = np.int32(min(max(footprint + texture.log2_size + f32(0.5), f32(0.0)), f32(texture.levels) - f32(0.5)))
+    width, height = max(texture.width >> level, np.int32(1)), max(texture.height >> level, np.int32(1))
+    return corners(level_start[row, level], width, height, tu, tv, texture.wrap_s, texture.wrap_t)
+
+
+@device
+def blend(p, q, s, t, fx, fy, srgb):
+    """(r, g, b, a) 0..1 between four texels; colour decoded where srgb."""
     a, b = (f32(1.0) - fx) * (f32(1.0) - fy), fx * (f32(1.0) - fy)
     c, d = (f32(1.0) - fx) * fy, fx * fy
-    p, q, s, t = texels[i], texels[j], texels[k], texels[m]
     alpha = (f32(p >> A) * a + f32(q >> A) * b + f32(s >> A) * c + f32(t >> A) * d) * BYTE
     if srgb:
         red = SRGB_TO_LINEAR[p & LOW] * a + SRGB_TO_LINEAR[q & LOW] * b
@@ -85,32 +116,37 @@ def bilinear(texels, start, width, height, u, v, wrap_s, wrap_t, srgb):
     return red, green, blue, alpha
 
 
-@inlined
-def sample_color(texels, textures, level_start, row, u0, v0, u1, v1, footprint, srgb):
-    """(r, g, b, a) of texture `row` at a hit: bilinear in the mip level nearest to the ray's footprint.
-
-    footprint: log2 of the ray cone's width in uv units, as the `surface` kernel computes it.
-    """
-    texture = textures[row]
-    u, v = (u0, v0) if texture.uv_set == 0 else (u1, v1)
-    tu = wrapped(texture.m00 * u + texture.m01 * v + texture.m02, texture.wrap_s)
-    tv = wrapped(texture.m10 * u + texture.m11 * v + texture.m12, texture.wrap_t)
-    if texture.nearest:
-        x = min(np.int32(tu * f32(texture.width)), texture.width - np.int32(1))
-        y = min(np.int32(tv * f32(texture.height)), texture.height - np.int32(1))
-        i = level_start[row, 0] + np.uint32(y * texture.width + x)
-        t = texels[i]
-        alpha = f32(t >> A) * BYTE
-        if srgb:
-            return SRGB_TO_LINEAR[t & LOW], SRGB_TO_LINEAR[(t >> G) & LOW], SRGB_TO_LINEAR[(t >> B) & LOW], alpha
-        return f32(t & LOW) * BYTE, f32((t >> G) & LOW) * BYTE, f32((t >> B) & LOW) * BYTE, alpha
-    level = np.int32(min(max(footprint + texture.log2_size + f32(0.5), f32(0.0)), f32(texture.levels) - f32(0.5)))
-    width, height = max(texture.width >> level, np.int32(1)), max(texture.height >> level, np.int32(1))
-    start = level_start[row, level]
-    return bilinear(texels, start, width, height, tu, tv, texture.wrap_s, texture.wrap_t, srgb)
+@device
+def sample_texture(texels, textures, level_start, row, u0, v0, u1, v1, footprint, srgb):
+    """(r, g, b, a) of texture `row` at a hit: bilinear in the mip level nearest to the ray's footprint."""
+    i, j, k, m, fx, fy = place(textures, level_start, row, u0, v0, u1, v1, footprint)
+    return blend(texels[i], texels[j], texels[k], texels[m], fx, fy, srgb)
 
 
 @device
-def sample_texture(texels, textures, level_start, row, u0, v0, u1, v1, footprint, srgb):
-    """`sample_color`, as a call."""
-    return sample_color(texels, textures, level_start, row, u0, v0, u1, v1, footprint, srgb)
+def sample_block(count, row, uv, footprint, srgb, texels, textures, level_start, lane, taps, part, texel):
+    """`sample_texture` for `count` hits side by side: writes texel (4, BLOCK), 1 where a hit has no texture. Returns how many do.
+
+    row (BLOCK,) int32, negative for none; uv (4, BLOCK): u0, v0, u1, v1; lane, taps (4, BLOCK), part (2, BLOCK): work space.
+    All places are found first, then all texels are read: a read that waits for memory does not hold up the next.
+    """
+    textured = 0
+    for i in range(count):
+        k = np.uint32(i)
+        if row[k] < 0:
+            for c in range(4):
+                texel[c, k] = f32(1.0)
+            continue
+        j = np.uint32(textured)
+        lane[j] = k
+        taps[0, j], taps[1, j], taps[2, j], taps[3, j], part[0, j], part[1, j] = place(
+            textures, level_start, np.uint32(row[k]), uv[0, k], uv[1, k], uv[2, k], uv[3, k], footprint[k]
+        )
+        textured += 1
+    for i in range(textured):
+        j = np.uint32(i)
+        k = lane[j]
+        texel[0, k], texel[1, k], texel[2, k], texel[3, k] = blend(
+            texels[taps[0, j]], texels[taps[1, j]], texels[taps[2, j]], texels[taps[3, j]], part[0, j], part[1, j], srgb
+        )
+    return textured
