@@ -16,6 +16,8 @@ from phrt.workers import Workers, chunks
 
 CHUNK = 32768
 """Pixels a thread takes at a time. These kernels read every array once, in order: few calls count, not the cache."""
+FLAT_CHUNK = 4096
+"""The same for `shade_flat`, which first copies its pixels together: they should stay in the cache."""
 
 
 @lru_cache(maxsize=16)
@@ -98,20 +100,25 @@ def shade_flat(
     """(n, 3) float32 of another G-buffer of the same world at pixels `rows` (n,) int32, as a raster renderer without ray
     effects sees it. visibility (n, L): of the lights; everything is lit without it.
     """
-    surfaces = SurfaceArrays(*(array[rows] for array in surface_arrays(gbuffer)))
-    count, lights = len(rows), frame.world.lights
-    direct = np.empty((count, len(lights), 3), np.float32)
-    light_surfaces(surfaces, frame.materials.materials, lights, view, direct, frame.workers)
-    layers = {
-        "visibility": np.ones((count, len(lights)), np.float32) if visibility is None else visibility,
-        "ambient_occlusion": np.ones((count, 1), np.float32),
-        "reflection": np.zeros((count, 3), np.float32),
-        "refraction": np.zeros((count, 3), np.float32),
-    }
-    masks = {"reflection": np.zeros(count, np.uint8)}
-    image = np.empty((count, 3), np.float32)
-    compose(
-        surfaces, frame.materials.materials, frame.environment, True, view, rows, direct, layers, masks, 1.0, image,
-        frame.workers,
-    )  # fmt: skip
+    everything, lights, environment = surface_arrays(gbuffer), frame.world.lights, frame.environment
+    materials, workers = frame.materials.materials, frame.workers
+    image = np.empty((len(rows), 3), np.float32)
+
+    def part(piece: slice) -> None:
+        pixels, count = rows[piece], piece.stop - piece.start
+        surfaces = SurfaceArrays(*(array[pixels] for array in everything))
+        direct = np.empty((count, len(lights), 3), np.float32)
+        light_surfaces(surfaces, materials, lights, view, direct, workers)
+        layers = {
+            "visibility": np.ones((count, len(lights)), np.float32) if visibility is None else visibility[piece],
+            "ambient_occlusion": np.ones((count, 1), np.float32),
+            "reflection": np.zeros((count, 3), np.float32),
+            "refraction": np.zeros((count, 3), np.float32),
+        }
+        masks = {"reflection": np.zeros(count, np.uint8)}
+        compose(
+            surfaces, materials, environment, True, view, pixels, direct, layers, masks, 1.0, image[piece], workers
+        )  # fmt: skip
+
+    workers.map(part, chunks(len(rows), FLAT_CHUNK, workers.threads))
     return image

@@ -33,19 +33,20 @@ MAX_LAYERS = 64
 
 @dataclass(frozen=True)
 class _Eye:
-    """A view as the kernels take it, everything float32."""
+    """A view as the kernels take it, everything float32. opaque_only: see `RayBatch`."""
 
     view: CameraView
     world_from_view: np.ndarray
     position: np.ndarray
     forward: np.ndarray
     cone: np.ndarray
+    opaque_only: bool
 
     @classmethod
-    def of(cls, view: CameraView) -> _Eye:
+    def of(cls, view: CameraView, opaque_only: bool) -> _Eye:
         matrix = view.world_from_view.astype(np.float32)
         cone = [view.pixel_spread, 0.0] if view.orthographic else [0.0, view.pixel_spread]
-        return cls(view, matrix, matrix[:3, 3].copy(), -matrix[:3, 2], np.array(cone, np.float32))
+        return cls(view, matrix, matrix[:3, 3].copy(), -matrix[:3, 2], np.array(cone, np.float32), opaque_only)
 
     def rays(self, pixels: np.ndarray) -> RayBatch:
         """Through `pixels` (n,), from the near plane to the far one."""
@@ -57,7 +58,7 @@ class _Eye:
             np.array(view.jitter, np.float32), view.orthographic, np.float32(view.near), np.float32(view.far),
             origin, direction, t_max,
         )  # fmt: skip
-        return RayBatch(origin, direction, t_max, coherent=True)
+        return RayBatch(origin, direction, t_max, coherent=True, opaque_only=self.opaque_only)
 
 
 class RaycastProducer(GBufferProducer):
@@ -94,8 +95,9 @@ class RaycastProducer(GBufferProducer):
         for channel in (c for c in CHANNELS.values() if c.name != "motion" or "motion" in channels):
             gbuffer.arrays[channel.name] = self._buffers.take(channel.shape(view.height, view.width), channel.dtype)
         out = surface_arrays(gbuffer)
-        eye = _Eye.of(view)
         left_out = self._all_seen if hidden is None else hidden.astype(np.uint8)
+        opaque_only = hidden is not None and bool((hidden | self._world.object_opaque)[1:].all())
+        eye = _Eye.of(view, opaque_only)
         count = view.width * view.height if pixels is None else len(pixels)
         size = min(self._options.chunk_pixels, -(-count // self._workers.threads))
         if pixels is None:

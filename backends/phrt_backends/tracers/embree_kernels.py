@@ -34,7 +34,9 @@ _occluded16 = types.ExternalFunction("phrt_rtcOccluded16", _SIGNATURE)
 
 SEEN = np.uint32(1)
 CASTS_SHADOW = np.uint32(2)
-"""Bits of geometry masks: closest-hit rays ask for SEEN, occlusion rays for CASTS_SHADOW."""
+OPAQUE = np.uint32(4)
+"""Bits of geometry masks: closest-hit rays ask for SEEN, or OPAQUE where that is all they want, occlusion rays for
+CASTS_SHADOW."""
 
 # Embree counts a hit at exactly t_far, the Tracer contract does not: t_far is one step below t_max.
 _JUST_BELOW = np.float32(1.0 - 2.0**-23)
@@ -83,10 +85,13 @@ def _fill_packet(first, rays, mask, origin, direction, t_max, packet, words, val
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def closest_hit_packets(scene, arguments, first_triangle, origin, direction, t_max, distance, primitive, barycentric):
+def closest_hit_packets(
+    scene, arguments, mask, first_triangle, origin, direction, t_max, distance, primitive, barycentric
+):
     """Nearest hits of n rays.
 
     scene, arguments : addresses of a committed RTCScene and of QueryArguments
+    mask : SEEN or OPAQUE
     first_triangle : (objects + 1,) int32; a hit's triangle is first_triangle[geometry id] + primitive id
     origin, direction (n, 3), t_max (n,) float32 -> distance (n,) float32, primitive (n,) uint32, barycentric (n, 2)
     """
@@ -99,7 +104,7 @@ def closest_hit_packets(scene, arguments, first_triangle, origin, direction, t_m
     count = len(t_max)
     for first in range(0, count, LANES):
         rays = min(LANES, count - first)
-        _fill_packet(first, rays, SEEN, origin, direction, t_max, packet, words, valid)
+        _fill_packet(first, rays, mask, origin, direction, t_max, packet, words, valid)
         _intersect16(valid_address, scene, packet_address, arguments)
         for lane in range(rays):
             ray = first + lane
