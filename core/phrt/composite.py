@@ -7,9 +7,8 @@ from functools import lru_cache
 import numpy as np
 
 from phrt.camera import CameraView
-from phrt.channels import GBuffer
 from phrt.frame import Frame
-from phrt.kernels.arrays import EnvironmentArrays, SurfaceArrays, surface_arrays
+from phrt.kernels.arrays import EnvironmentArrays, SurfaceArrays
 from phrt.kernels.light import direct_light
 from phrt.kernels.shade import composite
 from phrt.workers import Workers, chunks
@@ -17,7 +16,7 @@ from phrt.workers import Workers, chunks
 CHUNK = 32768
 """Pixels a thread takes at a time. These kernels read every array once, in order: few calls count, not the cache."""
 FLAT_CHUNK = 4096
-"""The same for `shade_flat`, which first copies its pixels together: they should stay in the cache."""
+"""The same for `shade_flat`, whose layers live for one chunk only: they should stay in the cache."""
 
 
 @lru_cache(maxsize=16)
@@ -95,20 +94,23 @@ def compose(
 
 
 def shade_flat(
-    frame: Frame, gbuffer: GBuffer, view: CameraView, rows: np.ndarray, visibility: np.ndarray | None = None
+    frame: Frame,
+    surfaces: SurfaceArrays,
+    view: CameraView,
+    pixels: np.ndarray,
+    visibility: np.ndarray | None = None,
 ) -> np.ndarray:
-    """(n, 3) float32 of another G-buffer of the same world at pixels `rows` (n,) int32, as a raster renderer without ray
-    effects sees it. visibility (n, L): of the lights; everything is lit without it.
+    """(n, 3) float32 of n points of the frame's world, seen in `view` at `pixels` (n,) int32, as a raster renderer without
+    ray effects sees them. visibility (n, L): of the lights; everything is lit without it.
     """
-    everything, lights, environment = surface_arrays(gbuffer), frame.world.lights, frame.environment
+    lights, environment = frame.world.lights, frame.environment
     materials, workers = frame.materials.materials, frame.workers
-    image = np.empty((len(rows), 3), np.float32)
+    image = np.empty((len(pixels), 3), np.float32)
 
     def part(piece: slice) -> None:
-        pixels, count = rows[piece], piece.stop - piece.start
-        surfaces = SurfaceArrays(*(array[pixels] for array in everything))
+        points, count = SurfaceArrays(*(array[piece] for array in surfaces)), piece.stop - piece.start
         direct = np.empty((count, len(lights), 3), np.float32)
-        light_surfaces(surfaces, materials, lights, view, direct, workers)
+        light_surfaces(points, materials, lights, view, direct, workers)
         layers = {
             "visibility": np.ones((count, len(lights)), np.float32) if visibility is None else visibility[piece],
             "ambient_occlusion": np.ones((count, 1), np.float32),
@@ -117,8 +119,8 @@ def shade_flat(
         }
         masks = {"reflection": np.zeros(count, np.uint8)}
         compose(
-            surfaces, materials, environment, True, view, pixels, direct, layers, masks, 1.0, image[piece], workers
+            points, materials, environment, True, view, pixels[piece], direct, layers, masks, 1.0, image[piece], workers
         )  # fmt: skip
 
-    workers.map(part, chunks(len(rows), FLAT_CHUNK, workers.threads))
+    workers.map(part, chunks(len(pixels), FLAT_CHUNK, workers.threads))
     return image

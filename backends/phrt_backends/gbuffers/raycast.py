@@ -17,7 +17,7 @@ from phrt.camera import CameraView
 from phrt.channels import CHANNELS, GBuffer
 from phrt.interfaces.gbuffer import GBufferProducer
 from phrt.interfaces.tracer import Tracer
-from phrt.kernels.arrays import SurfaceArrays, geometry_arrays, material_arrays, surface_arrays
+from phrt.kernels.arrays import SurfaceArrays, empty_surfaces, geometry_arrays, material_arrays, surface_arrays
 from phrt.kernels.motion import motion_vectors
 from phrt.kernels.onward import continued
 from phrt.kernels.primary import eye_rays, row_order, tile_order
@@ -95,56 +95,88 @@ class RaycastProducer(GBufferProducer):
         for channel in (c for c in CHANNELS.values() if c.name != "motion" or "motion" in channels):
             gbuffer.arrays[channel.name] = self._buffers.take(channel.shape(view.height, view.width), channel.dtype)
         out = surface_arrays(gbuffer)
-        left_out = self._all_seen if hidden is None else hidden.astype(np.uint8)
-        opaque_only = hidden is not None and bool((hidden | self._world.object_opaque)[1:].all())
-        eye = _Eye.of(view, opaque_only)
-        count = view.width * view.height if pixels is None else len(pixels)
-        size = min(self._options.chunk_pixels, -(-count // self._workers.threads))
         if pixels is None:
-            traced, order = tile_order(view.width, view.height), row_order(view.width, view.height, size)
+            every = tile_order(view.width, view.height)
+            size = self._chunk_size(len(every))
+            self._trace(view, every, row_order(view.width, view.height, size), every, out, hidden, size)
         else:
-            traced, order = pixels, np.arange(count, dtype=np.int32) % size
-
-        def chunk(first: int) -> None:
-            # Copies: the orders are read-only, and kernels would be compiled once more for such arrays.
-            part = slice(first, first + size)
-            self._chunk(traced[part].copy(), order[part].copy(), eye, out, left_out)
-
-        self._workers.map(chunk, range(0, count, max(size, 1)))
+            self._trace_some(view, pixels, pixels, out, hidden)
         if "motion" in channels:
             self._motion(view, gbuffer, pixels)
         return gbuffer
 
-    def _chunk(
-        self, pixels: np.ndarray, order: np.ndarray, eye: _Eye, out: SurfaceArrays, hidden: np.ndarray
+    def points(self, view: CameraView, pixels: np.ndarray, *, hidden: np.ndarray | None = None) -> SurfaceArrays:
+        out = empty_surfaces(len(pixels))
+        self._trace_some(view, pixels, np.arange(len(pixels), dtype=np.int32), out, hidden)
+        return out
+
+    def _chunk_size(self, count: int) -> int:
+        """Pixels a thread takes at a time."""
+        return max(1, min(self._options.chunk_pixels, -(-count // self._workers.threads)))
+
+    def _trace_some(
+        self, view: CameraView, pixels: np.ndarray, target: np.ndarray, out: SurfaceArrays, hidden: np.ndarray | None
     ) -> None:
-        """Rows `pixels` (n,) of `out`: rays in the order given, surfaces in `order` (n,) of them."""
+        size = self._chunk_size(len(pixels))
+        self._trace(view, pixels, np.arange(len(pixels), dtype=np.int32) % size, target, out, hidden, size)
+
+    def _trace(
+        self,
+        view: CameraView,
+        pixels: np.ndarray,
+        order: np.ndarray,
+        target: np.ndarray,
+        out: SurfaceArrays,
+        hidden: np.ndarray | None,
+        size: int,
+    ) -> None:
+        """The surfaces behind `pixels` (n,) into rows `target` (n,) of `out`, `size` at a time, each time in their `order`."""
+        left_out = self._all_seen if hidden is None else hidden.astype(np.uint8)
+        opaque_only = hidden is not None and bool((hidden | self._world.object_opaque)[1:].all())
+        eye = _Eye.of(view, opaque_only)
+
+        def chunk(first: int) -> None:
+            # Copies: the orders are read-only, and kernels would be compiled once more for such arrays.
+            part = slice(first, first + size)
+            self._chunk(pixels[part].copy(), order[part].copy(), target[part].copy(), eye, out, left_out)
+
+        self._workers.map(chunk, range(0, len(pixels), size))
+
+    def _chunk(
+        self,
+        pixels: np.ndarray,
+        order: np.ndarray,
+        target: np.ndarray,
+        eye: _Eye,
+        out: SurfaceArrays,
+        hidden: np.ndarray,
+    ) -> None:
         rays = eye.rays(pixels)
         hits = self._tracer.closest_hit(rays)
         travelled = hits.distance + np.float32(eye.view.near)
         for _ in range(MAX_LAYERS + 1):
-            passed = np.empty(len(pixels), np.uint8)
+            passed = np.empty(len(target), np.uint8)
             if not surface(
                 rays.direction, travelled, hits.primitive, hits.barycentric, self._geometry, self._materials,
-                eye.position, eye.forward, eye.cone, hidden, True, order, pixels, out, passed,
+                eye.position, eye.forward, eye.cone, hidden, True, order, target, out, passed,
             ):  # fmt: skip
                 return
             # Behind holes, culled faces and what is hidden.
             index = np.flatnonzero(passed)
             rays, step = continued(rays, hits.distance, index)
             travelled = travelled[index] + step - hits.distance[index]
-            hits, pixels = self._tracer.closest_hit(rays), pixels[index]
+            hits, target = self._tracer.closest_hit(rays), target[index]
             order = np.arange(len(index), dtype=np.int32)
             travelled += hits.distance
-        self._miss(pixels, eye, out)
+        self._miss(target, eye, out)
 
-    def _miss(self, pixels: np.ndarray, eye: _Eye, out: SurfaceArrays) -> None:
+    def _miss(self, target: np.ndarray, eye: _Eye, out: SurfaceArrays) -> None:
         """Clear values for rays that passed MAX_LAYERS surfaces."""
-        count = len(pixels)
+        count = len(target)
         surface(
             np.zeros((count, 3), np.float32), np.zeros(count, np.float32), np.full(count, 0xFFFFFFFF, np.uint32),
             np.zeros((count, 2), np.float32), self._geometry, self._materials, eye.position, eye.forward, eye.cone,
-            self._all_seen, True, np.arange(count, dtype=np.int32), pixels, out, np.empty(count, np.uint8),
+            self._all_seen, True, np.arange(count, dtype=np.int32), target, out, np.empty(count, np.uint8),
         )  # fmt: skip
 
     def _motion(self, view: CameraView, gbuffer: GBuffer, pixels: np.ndarray | None) -> None:

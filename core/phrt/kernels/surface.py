@@ -63,7 +63,8 @@ def surface(
 
     direction (n, 3) unit; path_length (n,) metres travelled from the eye, for the ray cone; primitive (n,) uint32;
     barycentric (n, 2); eye, forward (3,) for `depth`; cone (2,): width at the eye in metres, and spread per metre;
-    order, target (n,) int32: the rays, in the order in which their rows are written. Misses get the channels' clear values. hidden (N + 1,) uint8: objects that every ray passes.
+    order, target (n,) int32: the rays, in the order in which their rows are written. Misses get the channels' clear values.
+    hidden (N + 1,) uint8: objects that every ray passes.
     eye_ray: back faces of single-sided materials and holes of alpha masks are not there: passed (n,) uint8 is set to 1 where
     the ray must go on behind its hit (hidden ones too), and that row is not written. Other rays have passed their holes before
     (`phrt.tracing.nearest`) and see both sides. Returns how many must go on.

@@ -142,7 +142,8 @@ def test_a_normal_map_bends_the_normal_in_the_tangent_frame() -> None:
         surface(
             np.float32([[0, 0, towards]]), np.ones(1, np.float32), np.zeros(1, np.uint32), np.float32([[0.2, 0.2]]),
             geometry_arrays(world), material_arrays(world), EYE, FORWARD, np.zeros(2, np.float32),
-            np.zeros(world.object_count + 1, np.uint8), False, np.zeros(1, np.int32), np.zeros(1, np.int32), out, np.empty(1, np.uint8),
+            np.zeros(world.object_count + 1, np.uint8), False, np.zeros(1, np.int32), np.zeros(1, np.int32), out,
+            np.empty(1, np.uint8),
         )  # fmt: skip
         return out.normal[0]
 
