@@ -14,7 +14,8 @@ Sense = Literal["<=", ">="]
 
 @dataclass(frozen=True)
 class Row:
-    """samples: one value a repeat, in `unit` ("" for a ratio). limit: the bar; None where a value is only context."""
+    """samples: one value a repeat, in `unit` ("" for a ratio), or a single figure of all frames. limit: the bar; None where a
+    value is only context. digits: after the point, to read; None as the unit says."""
 
     number: int
     what: str
@@ -22,6 +23,7 @@ class Row:
     samples: tuple[float, ...]
     sense: Sense = "<="
     limit: float | None = None
+    digits: int | None = None
 
     @property
     def median(self) -> float:
@@ -40,28 +42,38 @@ class Row:
         return asdict(self) | derived
 
 
-def row(number: int, what: str, unit: str, samples: Iterable[float], sense: Sense, limit: float | None) -> Row:
+def row(
+    number: int,
+    what: str,
+    unit: str,
+    samples: Iterable[float],
+    sense: Sense,
+    limit: float | None,
+    digits: int | None = None,
+) -> Row:
     """A `Row` of any iterable of samples. Raises ValueError when there is none."""
     values = tuple(float(value) for value in samples)
     if not values:
         raise ValueError(f"row {number}, {what}: no samples")
-    return Row(number, what, unit, values, sense, limit)
+    return Row(number, what, unit, values, sense, limit, digits)
 
 
-def shown(value: float, unit: str) -> str:
-    """Two digits for ratios, seconds and gigabytes, one for milliseconds."""
-    return f"{value:.1f}" if unit == "ms" else f"{value:.2f}"
+def shown(value: float, entry: Row) -> str:
+    """Two digits for ratios, seconds and gigabytes, one for milliseconds and percent, if the row does not say otherwise."""
+    digits = entry.digits if entry.digits is not None else 1 if entry.unit in ("ms", "%") else 2
+    return f"{value:.{digits}f}"
 
 
 def table(rows: Sequence[Row]) -> Table:
     """The rows, for `rich`."""
-    made = Table(title="Benchmarks: median (min..max)", title_justify="left")
+    made = Table(title="Benchmarks: median (min..max), or one figure of all frames", title_justify="left")
     for heading in ("row", "what", "bar", "measured", ""):
         made.add_column(heading, justify="right" if heading == "row" else "left")
     for entry in rows:
         bar = "" if entry.limit is None else f"{entry.sense} {entry.limit:g} {entry.unit}".rstrip()
-        spread = f"({shown(min(entry.samples), entry.unit)}..{shown(max(entry.samples), entry.unit)})"
-        measured = f"{shown(entry.median, entry.unit)} {spread} {entry.unit}".rstrip()
+        several = len(entry.samples) > 1
+        spread = f" ({shown(min(entry.samples), entry)}..{shown(max(entry.samples), entry)})" if several else ""
+        measured = f"{shown(entry.median, entry)}{spread} {entry.unit}".rstrip()
         verdict = {None: "", True: "[green]met[/]", False: "[red]missed[/]"}[entry.met]
         made.add_row(str(entry.number), entry.what, bar, measured, verdict)
     return made

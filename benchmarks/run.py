@@ -1,10 +1,10 @@
-"""The benchmark table: rows 1 to 5, 10, 11 and 13 of `docs/benchmarks.md`, on this machine.
+"""The benchmark table: the rows of `docs/benchmarks.md`, on this machine.
 
-    PHRT_ASSETS=/path/to/scenes ./run bench [--rows 1,4,5] [--repeats N] [--threads N] [--json FILE]
+    PHRT_ASSETS=/path/to/scenes ./run bench [--rows 1,4,5] [--repeats N] [--frames N] [--threads N] [--json FILE]
 
-Figures are medians over repeats that take turns, after a warm-up that compiles the kernels. With rows 1 to 5 come the
-stages of a frame and the frames of every G-buffer producer, with row 1 or 13 the bare rates of the tracers, all from
-the same run. That page says how each figure is defined, and its bar.
+Figures are medians over repeats that take turns, after a warm-up that compiles the kernels; rows 6 to 8 and 12 walk a camera
+path instead. With the rows come tables of what they are made of: stages of a frame, bare rates of the tracers, every heuristic
+under every budget, laps of the long path. That page says how each figure is defined, its bar, and how long it takes.
 """
 
 from __future__ import annotations
@@ -19,16 +19,20 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+import budgets
+import contest
 import frames
 import loads
+import longpath
 import machine
 import numpy as np
 import rows
+import selection
 import tracers
 from rich.console import Console
 from rich.table import Table
 
-from phrt import load_scene
+from phrt import Scene, load_scene
 from phrt.errors import PhrtWarning
 from phrt.registry import get_registry
 from phrt_backends.availability import embree_reason
@@ -38,8 +42,38 @@ SCENE = PROJECT / "scenes" / "sponza_armadillo.yaml"
 MILLION = Path("gltf", "MetalRoughSpheresNoTextures", "MetalRoughSpheresNoTextures.glb")
 """Row 11's scene: 1,040,409 triangles in 123 objects."""
 
-FRAME_ROWS, LOAD_ROWS, TRACER_ROWS = (1, 2, 3, 4, 5), (10, 11), (13,)
-ALL_ROWS = (*FRAME_ROWS, *LOAD_ROWS, *TRACER_ROWS)
+FRAME_ROWS, BUDGET_ROWS, SELECTION_ROWS, LOAD_ROWS, PATH_ROWS, TRACER_ROWS = (
+    (1, 2, 3, 4, 5), (6, 7, 8), (9,), (10, 11), (12,), (13,),
+)  # fmt: skip
+ALL_ROWS = tuple(range(1, 14))
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to measure. places: times along the camera path; repeats: rounds over them. frames: of the path in rows 6 to 8,
+    None for all; every: the pictures among them that are compared; long: frames of row 12."""
+
+    assets: Path
+    wanted: Sequence[int]
+    repeats: int
+    threads: int = 2
+    size: tuple[int, int] = (640, 360)
+    places: int = 10
+    frames: int | None = None
+    every: int = 5
+    long: int = longpath.FRAMES
+    progress: Callable[[str], None] = lambda text: None
+
+    def any_of(self, group: Sequence[int]) -> list[int]:
+        """The rows of `group` that are wanted."""
+        return [number for number in group if number in self.wanted]
+
+    def scene(self, variant: str | None = None) -> Scene:
+        """The reference scene."""
+        self.progress("loading the reference scene")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", PhrtWarning)
+            return load_scene(SCENE, search=[self.assets], variant=variant)
 
 
 @dataclass
@@ -51,6 +85,9 @@ class Report:
     tracers: list[tracers.RateRow] = field(default_factory=list)
     frames: frames.FrameTimes | None = None
     loads: dict[str, list[loads.Load]] = field(default_factory=dict)
+    contests: list[contest.Contest] = field(default_factory=list)
+    deciding: list[selection.Deciding] = field(default_factory=list)
+    long_path: longpath.LongPath | None = None
 
     def as_json(self) -> dict[str, Any]:
         """Everything but raw samples of stages, as plain values."""
@@ -60,6 +97,9 @@ class Report:
             "tracers": [asdict(row) for row in self.tracers],
             "frames": {} if self.frames is None else frame_context(self.frames),
             "loads": {name: [asdict(load) for load in found] for name, found in self.loads.items()},
+            "budgets": [budgets.as_json(held) for held in self.contests],
+            "selection": [asdict(entry) | {"median": entry.median} for entry in self.deciding],
+            "long_path": {} if self.long_path is None else self.long_path.as_json(),
         }
 
 
@@ -98,45 +138,88 @@ def tracer_row(rate: tracers.RateRow) -> rows.Row:
     return rows.row(13, what, "", rate.ratios, ">=", rate.bar)
 
 
-def run_benchmarks(
-    assets: Path,
-    wanted: Sequence[int],
-    repeats: int,
-    *,
-    threads: int = 2,
-    size: tuple[int, int] = (640, 360),
-    places: int = 10,
-    progress: Callable[[str], None] = lambda text: None,
-) -> Report:
-    """Measure the rows `wanted`. places: how many times along the camera path; repeats: rounds over them."""
-    report = Report(machine.machine())
-    if set(wanted) & set(FRAME_ROWS):
-        progress("loading the reference scene")
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", PhrtWarning)
-            scene = load_scene(SCENE, search=[assets])
-        last = scene.duration * (places - 1) / places if places > 1 else 0.0
-        at = [float(time) for time in np.linspace(0.0, last, places)]
-        report.frames = frames.measure(
-            scene, at, repeats, size=size, threads=threads, gbuffers=gbuffers_here(), progress=progress
-        )
-        report.rows += [row for row in report.frames.rows() if row.number in wanted]
-    scenes = {10: (SCENE, "the reference scene", 2.0, 0.8), 11: (assets / MILLION, "a million triangles", 10.0, 2.0)}
-    for number in sorted(set(wanted) & set(LOAD_ROWS)):
+def measure_frames(plan: Plan, report: Report) -> None:
+    """Rows 1 to 5."""
+    if not plan.any_of(FRAME_ROWS):
+        return
+    scene = plan.scene()
+    last = scene.duration * (plan.places - 1) / plan.places if plan.places > 1 else 0.0
+    at = [float(time) for time in np.linspace(0.0, last, plan.places)]
+    report.frames = frames.measure(
+        scene, at, plan.repeats, size=plan.size, threads=plan.threads, gbuffers=gbuffers_here(), progress=plan.progress
+    )
+    report.rows += [row for row in report.frames.rows() if row.number in plan.wanted]
+
+
+def measure_budgets(plan: Plan, report: Report) -> None:
+    """Rows 6 to 8."""
+    names = budgets.in_table_order(contest.heuristics_here())
+    for number in plan.any_of(BUDGET_ROWS):
+        for rules in budgets.RULES[number]:
+            scene = plan.scene(rules.variant)
+            path = contest.Path(plan.frames or scene.settings.frames, scene.settings.fps, plan.every)
+            held = contest.hold(scene, rules, names, path, size=plan.size, threads=plan.threads, progress=plan.progress)
+            report.contests.append(held)
+            if rules is budgets.RULES[number][0]:
+                report.rows += budgets.contest_rows(number, held)
+
+
+def measure_selection(plan: Plan, report: Report) -> None:
+    """Row 9."""
+    if plan.any_of(SELECTION_ROWS):
+        report.deciding = selection.measure(plan.repeats, threads=plan.threads, progress=plan.progress)
+        report.rows += selection.selection_rows(report.deciding)
+
+
+def measure_loads(plan: Plan, report: Report) -> None:
+    """Rows 10 and 11."""
+    scenes = {
+        10: (SCENE, "the reference scene", 2.0, 0.8),
+        11: (plan.assets / MILLION, "a million triangles", 10.0, 2.0),
+    }
+    for number in plan.any_of(LOAD_ROWS):
         path, name, limit_s, limit_gb = scenes[number]
         found = []
-        for repeat in range(min(repeats, 5) + 1):
-            progress(f"row {number}: {name}, process {repeat + 1}")
-            found.append(loads.fresh(path, size, threads))
+        for repeat in range(min(plan.repeats, 5) + 1):
+            plan.progress(f"row {number}: {name}, process {repeat + 1}")
+            found.append(loads.fresh(path, plan.size, plan.threads))
         report.loads[name] = found[1:]
         report.rows += load_rows(number, name, found[1:], limit_s, limit_gb)
-    if set(wanted) & {1, *TRACER_ROWS}:
-        for geometry in tracers.reference_geometries(assets):
-            progress(f"bare tracers: {geometry.name}")
-            for count in (1, 2):
-                report.tracers += tracers.measure(geometry, count, repeats)
-        if 13 in wanted:
-            report.rows += [tracer_row(rate) for rate in report.tracers if rate.bar is not None]
+
+
+def measure_path(plan: Plan, report: Report) -> None:
+    """Row 12."""
+    if not plan.any_of(PATH_ROWS):
+        return
+    done: dict[str, int] = {}
+
+    def tell(step: longpath.Step) -> None:
+        done[step.name] = done.get(step.name, 0) + 1
+        if done[step.name] % 500 == 1:
+            plan.progress(f"row 12: {step.name}, frame {done[step.name]} of {step.total}")
+
+    scene = load_scene(longpath.ATRIUM)
+    report.long_path = longpath.measure(scene, plan.long, threads=plan.threads, tell=tell)
+    report.rows += longpath.path_rows(report.long_path)
+
+
+def measure_tracers(plan: Plan, report: Report) -> None:
+    """Row 13, and the bare rates that belong to row 1."""
+    if not plan.any_of((1, *TRACER_ROWS)):
+        return
+    for geometry in tracers.reference_geometries(plan.assets):
+        plan.progress(f"bare tracers: {geometry.name}")
+        for count in (1, 2):
+            report.tracers += tracers.measure(geometry, count, plan.repeats)
+    if plan.any_of(TRACER_ROWS):
+        report.rows += [tracer_row(rate) for rate in report.tracers if rate.bar is not None]
+
+
+def run_benchmarks(plan: Plan) -> Report:
+    """Measure what is wanted."""
+    report = Report(machine.machine())
+    for measure in (measure_frames, measure_budgets, measure_selection, measure_loads, measure_path, measure_tracers):
+        measure(plan, report)
     return report
 
 
@@ -167,6 +250,16 @@ def show(report: Report, console: Console) -> None:
         bare, calls = float(np.median(report.frames.bare)), report.frames.queries
         asked = f"Its ray phase asks the tracer {calls:.0f} times, for {report.frames.query_rays:,.0f} rays"
         console.print(f"{asked}: {bare:.1f} ms bare.", highlight=False)
+    for held in report.contests:
+        for table in budgets.tables(held):
+            console.print(table)
+        for said in held.warnings:
+            console.print(f"{held.rules.name}: {said}", highlight=False)
+    if report.deciding:
+        console.print(selection.table(report.deciding))
+    if report.long_path is not None:
+        for table in longpath.tables(report.long_path):
+            console.print(table)
     if report.tracers:
         console.print(tracers.table(report.tracers))
 
@@ -204,6 +297,11 @@ def arguments_of(given: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--repeats", type=at_least_one, default=15, help="rounds; of processes, at most 5 (default 15)")
     parser.add_argument("--threads", type=at_least_one, default=2, help="threads of a renderer (default 2)")
     parser.add_argument("--places", type=at_least_one, default=10, help="times along the camera path (default 10)")
+    parser.add_argument("--frames", type=at_least_one, help="of the camera path in rows 6 to 8 (default all of it)")
+    parser.add_argument("--every", type=at_least_one, default=5, help="picture in rows 6 to 8 is compared (default 5)")
+    parser.add_argument(
+        "--long", type=at_least_one, default=longpath.FRAMES, help=f"frames of row 12 (default {longpath.FRAMES})"
+    )
     parser.add_argument("--size", type=size_of, default=(640, 360), help="of frames (default 640x360)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here, too")
     arguments = parser.parse_args(given)
@@ -224,7 +322,7 @@ def main(given: Sequence[str] | None = None) -> int:
     console = Console()
     if not console.is_terminal:
         # Written to a file: tables keep their columns.
-        console = Console(width=130)
+        console = Console(width=150)
     told = Console(stderr=True)
     with told.status("starting") as status:
 
@@ -234,8 +332,10 @@ def main(given: Sequence[str] | None = None) -> int:
                 print(text, file=sys.stderr, flush=True)
 
         report = run_benchmarks(
-            arguments.assets, arguments.rows, arguments.repeats,
-            threads=arguments.threads, size=arguments.size, places=arguments.places, progress=progress,
+            Plan(
+                arguments.assets, arguments.rows, arguments.repeats, arguments.threads, arguments.size,
+                arguments.places, arguments.frames, arguments.every, arguments.long, progress,
+            )
         )  # fmt: skip
     show(report, console)
     if arguments.json:

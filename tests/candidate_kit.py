@@ -9,7 +9,17 @@ from typing import Any, cast
 
 import numpy as np
 
-from phrt.interfaces.heuristic import PASSES, Candidates, FrameContext, Heuristic, Outcome, Request
+from phrt.candidates import Units
+from phrt.interfaces.heuristic import (
+    NEVER_TRACED,
+    PASSES,
+    BudgetUnit,
+    Candidates,
+    FrameContext,
+    Heuristic,
+    Outcome,
+    Request,
+)
 
 
 def candidates(
@@ -38,8 +48,31 @@ def candidates(
         was_selected=np.zeros(n, bool),
         relevance=relevant.astype(np.float32),
         persistence=0.0,
+        predicted_rays=np.asarray(cost, np.float32),
+        predicted_ms_paper=np.asarray(cost, np.float32) * np.float32(1e-4),
+        predicted_ms_measured=np.asarray(cost, np.float32) * np.float32(1e-4),
+        history_share=np.zeros(n, np.float32),
+        history_age=np.zeros(n, np.float32),
+        seen_frames=np.zeros(n, np.int32),
+        frames_since_traced=np.full(n, NEVER_TRACED, np.int32),
+        measured_change=np.full(n, np.nan, np.float32),
+        measured_drift=np.full(n, np.nan, np.float32),
+        measured_ms_per_pixel=np.full(n, np.nan, np.float32),
     )
     return replace(made, **columns)
+
+
+def units_of(work: Candidates, first: Sequence[int] | np.ndarray) -> Units:
+    """One unit for each of the candidates, whose pixels begin at `first`."""
+    return Units(
+        item=np.arange(len(work), dtype=np.int32),
+        object_id=work.object_id,
+        effect=work.effect,
+        first=np.asarray(first, np.int64),
+        count=work.pixel_count,
+        rays=work.predicted_rays.astype(np.float64),
+        ms=work.predicted_ms_measured.astype(np.float64),
+    )
 
 
 def rows(work: Candidates, order: np.ndarray) -> Candidates:
@@ -49,7 +82,8 @@ def rows(work: Candidates, order: np.ndarray) -> Candidates:
 
 
 def context(budget: float = math.inf, frame_index: int = 0) -> FrameContext:
-    return FrameContext(world=cast(Any, None), frame_index=frame_index, time=0.0, budget=budget)
+    unit: BudgetUnit = "rays" if math.isfinite(budget) else "none"
+    return FrameContext(world=cast(Any, None), frame_index=frame_index, time=0.0, budget=budget, budget_unit=unit)
 
 
 def one_frame(

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         PhrtError,
         PhrtWarning,
         PluginError,
+        ProfileError,
         SceneError,
     )
     from phrt.loading import load_scene
@@ -39,6 +40,7 @@ __all__ = [
     "PhrtError",
     "PhrtWarning",
     "PluginError",
+    "ProfileError",
     "Renderer",
     "Scene",
     "SceneError",
@@ -48,7 +50,9 @@ __all__ = [
     "register",
 ]
 
-_ERRORS = ("AssetError", "InputError", "OptionError", "PhrtError", "PhrtWarning", "PluginError", "SceneError")
+_ERRORS = (
+    "AssetError", "InputError", "OptionError", "PhrtError", "PhrtWarning", "PluginError", "ProfileError", "SceneError",
+)  # fmt: skip
 
 _HOME = dict.fromkeys(_ERRORS, "phrt.errors") | {
     "Renderer": "phrt.renderer",

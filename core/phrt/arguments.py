@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 
 from phrt.candidates import EffectScope
-from phrt.errors import OptionError, PluginError
+from phrt.errors import OptionError, PluginError, did_you_mean
 from phrt.interfaces.effect import RayEffect
 from phrt.interfaces.heuristic import Heuristic
 from phrt.limits import MAX_PIXELS, MAX_SIDE
@@ -27,6 +28,18 @@ def checked_size(size: tuple[int, int]) -> tuple[int, int]:
             f"size is {width}x{height}, {width * height:,} pixels; it must have at most {MAX_PIXELS:,} (8192x8192)"
         )
     return int(width), int(height)
+
+
+T = TypeVar("T", bound=str)
+
+
+def one_of(name: str, given: T, allowed: Sequence[T]) -> T:
+    """`given`, when it is among `allowed`. Raises OptionError that calls the option `name`."""
+    if given not in allowed:
+        raise OptionError(
+            f"{name} is {given!r}, allowed: {', '.join(allowed)}.{did_you_mean(str(given), list(allowed))}"
+        )
+    return given
 
 
 def checked_matrix(path: str, matrix: object) -> np.ndarray:

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
+from phrt.costs import CostModelName, CostModels
 from phrt.experience import Experience
 from phrt.frame import Frame
 from phrt.interfaces.effect import RayEffect
-from phrt.interfaces.heuristic import Candidates
-from phrt.kernels.layers import count_objects, sort_by_object
+from phrt.interfaces.heuristic import NEVER_TRACED, PASSES, BudgetUnit, Candidates
+from phrt.kernels.layers import count_objects, interleave_units, sort_by_object
 from phrt.kernels.primary import tile_order
-from phrt.relevance import ObjectLetters, ObjectSight, item_cost, item_relevance
+from phrt.relevance import ObjectSight, item_cost, item_relevance
 from phrt.world import World
+
+GroupBy = Literal["object", "object_effect", "object_effect_light"]
+"""What a work item is: an object with all effects, with one, or with one and, where it is made light by light, one light."""
+GROUPINGS: tuple[GroupBy, ...] = ("object", "object_effect", "object_effect_light")
 
 
 @dataclass(frozen=True)
@@ -27,7 +34,7 @@ class EffectScope:
 
     @classmethod
     def of(cls, effect: RayEffect, world: World) -> EffectScope:
-        switches = ["never", *(entry.effects.get(effect.name, "auto") for entry in world.scene.objects)]
+        switches = ["never", *(entry.effects.get(effect.switch, "auto") for entry in world.scene.objects)]
         return cls(
             applies=effect.applies_to(world),
             allowed=np.array([switch != "never" for switch in switches]),
@@ -35,14 +42,62 @@ class EffectScope:
             rays_per_pixel=effect.rays_per_pixel(world),
         )
 
+    @cached_property
+    def place(self) -> bytes:
+        """Equal for scopes whose pixels are the same."""
+        return self.applies.tobytes() + self.allowed.tobytes()
+
+
+@dataclass(frozen=True)
+class Units:
+    """An object with one effect each: what is traced and measured. m units; rows of one effect are in order of `first`.
+
+    item (m,) int32: the work item it belongs to; object_id, effect (m,) int32; first (m,) int64, count (m,) int32: its
+    pixels are pixels[effect][first:first + count], in tile order. rays, ms (m,) float64: predicted.
+    """
+
+    item: np.ndarray
+    object_id: np.ndarray
+    effect: np.ndarray
+    first: np.ndarray
+    count: np.ndarray
+    rays: np.ndarray
+    ms: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.item)
+
 
 @dataclass(frozen=True)
 class WorkItems:
-    """The candidates and their pixels. Item i of effect e owns pixels[e][first[i]:first[i] + pixel_count[i]], in tile order."""
+    """The candidates, the units they are made of (one each, unless items are whole objects), and the units' pixels:
+    (p,) int32 flat indices for every effect of a picture that is `width` wide."""
 
     candidates: Candidates
+    units: Units
     pixels: list[np.ndarray]
-    first: np.ndarray
+    width: int
+
+    @cached_property
+    def passes(self) -> Passes:
+        """The interleaved passes of every unit; only those who ask pay for it."""
+        ordered, ends = [], np.zeros((len(self.units), PASSES), np.int64)
+        for effect, pixels in enumerate(self.pixels):
+            mine = np.flatnonzero(self.units.effect == effect)
+            out, own = np.empty_like(pixels), np.zeros((len(mine), PASSES), np.int64)
+            interleave_units(pixels, self.units.first[mine], self.units.count[mine], self.width, out, own)
+            ordered.append(out)
+            ends[mine] = own
+        return Passes(ordered, ends)
+
+
+@dataclass(frozen=True)
+class Passes:
+    """pixels: as those of the work items, every unit's own in the order of interleaved passes; ends (m, PASSES) int64: how many
+    of them its first passes have together."""
+
+    pixels: list[np.ndarray]
+    ends: np.ndarray
 
 
 def find_work(
@@ -51,7 +106,12 @@ def find_work(
     scopes: list[EffectScope],
     sight: ObjectSight,
     experience: Experience,
+    costs: CostModels,
+    *,
     persistence: float,
+    budget_unit: BudgetUnit = "none",
+    cost_model: CostModelName = "measured",
+    group_by: GroupBy = "object_effect",
 ) -> WorkItems:
     """Every (object, effect) with visible pixels, and the letters that heuristics choose by."""
     world, surfaces = frame.world, frame.surfaces
@@ -70,50 +130,94 @@ def find_work(
 
     visible_pixels = np.zeros(world.object_count + 1, np.int64)
     count_objects(surfaces.object_id, visible_pixels)
-    sorted_pixels = frame.workers.map(sort, scopes)
-    # The items: objects with pixels, effect by effect.
-    starts = np.array([start for start, _ in sorted_pixels], np.int64).reshape(len(scopes), world.object_count + 2)
+    places = {scope.place: scope for scope in scopes}
+    found = dict(zip(places, frame.workers.map(sort, places.values()), strict=True))
+    pixels = [found[scope.place][1] for scope in scopes]
+    starts = np.array([found[scope.place][0] for scope in scopes], np.int64)
+    units = _units(starts.reshape(len(scopes), world.object_count + 2), group_by, experience, costs)
+    candidates = _with_letters(
+        effects, scopes, units, sight, frame, visible_pixels, experience, costs, persistence, budget_unit, cost_model,
+        group_by,
+    )  # fmt: skip
+    return WorkItems(candidates, units, pixels, frame.view.width)
+
+
+def _units(starts: np.ndarray, group_by: GroupBy, experience: Experience, costs: CostModels) -> Units:
+    """Objects with pixels, effect by effect; starts (effects, N + 2): where objects begin in the sorted pixels."""
     counts = np.diff(starts, axis=1)
     effect, object_id = (index.astype(np.int32) for index in np.nonzero(counts))
-    pixel_count = counts[effect, object_id].astype(np.int32)
-    first = starts[effect, object_id]
-    candidates = _with_letters(
-        effects, scopes, object_id, effect, pixel_count,
-        sight.letters(world, frame.view, visible_pixels), experience, persistence,
-    )  # fmt: skip
-    return WorkItems(candidates, [pixels for _, pixels in sorted_pixels], first)
+    item = np.arange(len(effect), dtype=np.int32)
+    if group_by == "object":
+        item = np.unique(object_id, return_inverse=True)[1].astype(np.int32)
+    count = counts[effect, object_id].astype(np.int32)
+    rays = experience.predict_rays(object_id, effect, count).astype(np.float64)
+    return Units(item, object_id, effect, starts[effect, object_id], count, rays, costs.measured_ms(effect, rays))
 
 
 def _with_letters(
     effects: list[RayEffect],
     scopes: list[EffectScope],
-    object_id: np.ndarray,
-    effect: np.ndarray,
-    pixel_count: np.ndarray,
-    objects: ObjectLetters,
+    units: Units,
+    sight: ObjectSight,
+    frame: Frame,
+    visible_pixels: np.ndarray,
     experience: Experience,
+    costs: CostModels,
     persistence: float,
+    budget_unit: BudgetUnit,
+    cost_model: CostModelName,
+    group_by: GroupBy,
 ) -> Candidates:
     """The candidates: equations (1) to (3) of Andrade et al. 2014 for every item."""
-    ray_estimate = np.array([scope.rays_per_pixel for scope in scopes], np.float32)[effect]
-    was_selected = experience.was_selected[object_id, effect]
+    count = int(units.item.max(initial=-1)) + 1
+
+    def total(values: np.ndarray) -> np.ndarray:
+        """(n,) float64, sums over the units of each item."""
+        return np.bincount(units.item, weights=values, minlength=count)
+
+    object_id, effect = np.zeros(count, np.int32), np.zeros(count, np.int32)
+    object_id[units.item] = units.object_id
+    if group_by != "object":
+        effect[units.item] = units.effect
+    objects = sight.letters(frame.world, frame.view, visible_pixels)
     visible, importance = objects.visibility[object_id], objects.importance_factor[object_id]
+    estimate = np.array([scope.rays_per_pixel for scope in scopes], np.float64)
+    ray_estimate = total(estimate[units.effect] if len(scopes) else np.zeros(0)).astype(np.float32)
     mandatory = np.array([scope.mandatory for scope in scopes], bool).reshape(len(scopes), len(objects.area))
+    was_selected = total(experience.was_selected[units.object_id, units.effect]) > 0
+    cost = item_cost(visible, ray_estimate)
+    rays, measured_ms = total(units.rays), total(units.ms)
+    paper_ms = costs.paper_ms(cost, measured_ms)
+    if budget_unit == "ms":
+        predicted = paper_ms if cost_model == "paper" else measured_ms
+    else:
+        predicted = np.ceil(np.maximum(costs.paper_rays(cost, rays), 1.0)) if cost_model == "paper" else rays
+    unknown = np.full(count, np.nan, np.float32)
     return Candidates(
-        effect_names=tuple(entry.name for entry in effects),
+        effect_names=("all",) if group_by == "object" else tuple(entry.name for entry in effects),
         object_id=object_id,
         effect=effect,
-        pixel_count=pixel_count,
-        mandatory=mandatory[effect, object_id],
-        predicted_cost=experience.predict_rays(object_id, effect, pixel_count),
+        pixel_count=total(units.count).astype(np.int32),
+        mandatory=total(mandatory[units.effect, units.object_id]) > 0,
+        predicted_cost=predicted.astype(np.float32),
         ray_estimate=ray_estimate,
         area=objects.area[object_id],
         center_closeness=objects.center_closeness[object_id],
         distance=objects.distance[object_id],
         visibility=visible,
-        cost=item_cost(visible, ray_estimate),
+        cost=cost,
         importance_factor=importance,
         was_selected=was_selected,
         relevance=item_relevance(was_selected, persistence, visible, importance),
         persistence=persistence,
+        predicted_rays=rays.astype(np.float32),
+        predicted_ms_paper=paper_ms.astype(np.float32),
+        predicted_ms_measured=measured_ms.astype(np.float32),
+        history_share=np.zeros(count, np.float32),
+        history_age=np.zeros(count, np.float32),
+        seen_frames=np.zeros(count, np.int32),
+        frames_since_traced=np.full(count, NEVER_TRACED, np.int32),
+        measured_change=unknown,
+        measured_drift=unknown,
+        measured_ms_per_pixel=unknown,
     )

@@ -28,6 +28,10 @@ class OptionError(InputError):
     """An option, a size, a budget or a `-D key=value` is not one of the allowed ones."""
 
 
+class ProfileError(InputError):
+    """A profile cannot be read, is of another version, or of another scene."""
+
+
 class PluginError(InputError):
     """A plugin that was asked for by name is unknown, unavailable or broken."""
 

@@ -29,20 +29,21 @@ class Experience:
         rays = pixel_count * self.rays_per_pixel[object_id, effect]
         return np.maximum(np.ceil(rays), 1.0).astype(np.float32)
 
-    def learn_costs(self, decisions: Decisions) -> None:
-        """Take what was measured into the mean: the first measurement replaces the estimate, later ones move it."""
-        if not decisions.measured:
-            return
-        items = np.flatnonzero(decisions.chosen & (decisions.traced_pixels > 0))
-        where = decisions.candidates.object_id[items], decisions.candidates.effect[items]
-        measured = decisions.rays[items] / decisions.traced_pixels[items]
+    def learn_rays(self, object_id: np.ndarray, effect: np.ndarray, pixels: np.ndarray, rays: np.ndarray) -> None:
+        """Take what was measured into the mean: the first measurement replaces the estimate, later ones move it.
+
+        object_id, effect (k,): what was traced, each pair once; pixels (k,), at least 1, and rays (k,): how much.
+        """
+        where = object_id, effect
         self.measurements[where] += 1
         weight = 1.0 / np.minimum(self.measurements[where], MEMORY_FRAMES)
-        self.rays_per_pixel[where] += weight * (measured - self.rays_per_pixel[where])
+        self.rays_per_pixel[where] += weight * (rays / pixels - self.rays_per_pixel[where])
 
     def note_selected(self, frame: list[Decisions]) -> None:
         """A frame is finished: `frame` are the decisions of its sub-pixel samples."""
         self.was_selected[:] = False
         for decisions in frame:
-            chosen = decisions.chosen
-            self.was_selected[decisions.candidates.object_id[chosen], decisions.candidates.effect[chosen]] = True
+            objects, effects = decisions.candidates.object_id[decisions.chosen], decisions.candidates.effect
+            # Where an item is an object with all effects, each of them was selected.
+            whole = len(decisions.candidates.effect_names) < self.was_selected.shape[1]
+            self.was_selected[objects, slice(None) if whole else effects[decisions.chosen]] = True

@@ -1,36 +1,45 @@
-"""Where plugins' faults end: an effect that raises is switched off, a heuristic that raises is named."""
+"""Where plugins' faults end: an effect or a heuristic that fails is named and switched off, and the frame goes on."""
 
 from __future__ import annotations
 
-import operator
 import threading
 import warnings
-from collections.abc import Callable
-from typing import TypeVar
 
 import numpy as np
 
 from phrt.errors import PhrtWarning, PluginError
 from phrt.frame import Frame
 from phrt.interfaces.effect import EffectResult, RayEffect
-from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic, Outcome, Request
-
-R = TypeVar("R")
 
 
 class Faults:
-    """Calls effects, and keeps which of them failed. Thread-safe.
+    """Calls effects, and keeps which of them, and whether the heuristic, failed. Thread-safe.
 
     An effect that raises, or returns what does not fit its layer, is switched off for the rest of the run with one warning
     that names it: it traces nothing more, and its pixels take its fallback. Where the fallback fails they take the layer's
-    clear value; this, too, is told once. With `strict` the error is raised.
+    clear value; this, too, is told once. A heuristic that fails is not asked any more. With `strict` the error is raised.
     """
 
     def __init__(self, *, strict: bool = False) -> None:
         self._strict = strict
         self._off: set[str] = set()
         self._without_fallback: set[str] = set()
+        self._heuristic_off = False
         self._lock = threading.Lock()
+
+    @property
+    def heuristic_is_off(self) -> bool:
+        """Did the heuristic fail? Then it is not asked any more."""
+        return self._heuristic_off
+
+    def lose_heuristic(self, error: PluginError) -> None:
+        """The heuristic failed, as `error` says: it is switched off for the rest of the run."""
+        self._heuristic_off = True
+        if self._strict:
+            raise error
+        warnings.warn(
+            f"{error}; it is switched off, and what it did not choose takes the fallbacks", PhrtWarning, stacklevel=3
+        )
 
     def is_off(self, effect: RayEffect) -> bool:
         """Did the effect fail? Then it is not traced any more."""
@@ -113,39 +122,3 @@ def _check_values(effect: RayEffect, frame: Frame, values: np.ndarray, count: in
 def _check_traced(traced: np.ndarray | None, count: int) -> None:
     if traced is not None and (traced.shape != (count,) or traced.dtype != np.uint8):
         raise ValueError(f"returned traced as {traced.dtype}{traced.shape}, expected uint8{(count,)}")
-
-
-class BlamedHeuristic(Heuristic):
-    """A heuristic whose faults are told as its own: whatever it raises, or an answer that is no item, is a PluginError
-    that names it and the call. Its answers are always a `Request` or None."""
-
-    def __init__(self, heuristic: Heuristic) -> None:
-        self._heuristic = heuristic
-        self.name = type(heuristic).__name__
-
-    def begin_frame(self, candidates: Candidates, context: FrameContext) -> None:
-        self._blamed("begin_frame", lambda: self._heuristic.begin_frame(candidates, context))
-
-    def next(self, remaining: float) -> Request | None:
-        answer = self._blamed("next", lambda: self._heuristic.next(remaining))
-        if answer is None:
-            return None
-        request = answer if isinstance(answer, Request) else Request(answer)
-        try:
-            return Request(operator.index(request.item), operator.index(request.passes))
-        except TypeError:
-            raise PluginError(
-                f"heuristic {self.name} returned {answer!r} from next(): expected an item's number, a Request or None"
-            ) from None
-
-    def report(self, item: int, outcome: Outcome) -> None:
-        self._blamed("report", lambda: self._heuristic.report(item, outcome))
-
-    def end_frame(self) -> None:
-        self._blamed("end_frame", self._heuristic.end_frame)
-
-    def _blamed(self, call: str, function: Callable[[], R]) -> R:
-        try:
-            return function()
-        except Exception as error:
-            raise PluginError(f"heuristic {self.name} failed in {call}(): {type(error).__name__}: {error}") from error

@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from phrt.budget import UNLIMITED, Budget
 from phrt.camera import CameraView
 from phrt.channels import GBuffer
 from phrt.interfaces.gbuffer import GBufferProducer
-from phrt.interfaces.heuristic import Candidates
+from phrt.interfaces.heuristic import BudgetUnit, Candidates
 from phrt.interfaces.tracer import Tracer
 from phrt.kernels.arrays import EnvironmentArrays, GeometryArrays, MaterialArrays, SurfaceArrays
 from phrt.workers import Workers
 from phrt.world import World
 
-MASK_NONE, MASK_FALLBACK, MASK_TRACED, MASK_FILLED = 0, 1, 2, 3
-"""A layer's mask: the layer's clear value, the effect's fallback, traced, filled from traced neighbours."""
+MASK_NONE, MASK_FALLBACK, MASK_TRACED, MASK_FILLED, MASK_HISTORY = 0, 1, 2, 3, 4
+"""A layer's mask: the layer's clear value, the effect's fallback, traced, filled from traced neighbours, a value of an
+earlier frame."""
+
+REASONS = ("not_asked", "selected", "reduced", "cut", "no_fit", "no_time", "effect_off")
+"""Why an item was traced or not, by `Decisions.reason`."""
+NOT_ASKED, SELECTED, REDUCED, CUT, NO_FIT, NO_TIME, EFFECT_OFF = range(len(REASONS))
+"""The heuristic did not name it; traced whole; traced as far as was asked for, at a lower density; begun, but the budget
+ended; named, but predicted to take more than was left; named, but the budget ended before it; its effect is switched off."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +49,8 @@ class Frame:
     index: int
     time: float
     seed: int
+    only_light: int | None = None
+    """Effects with a component per light may trace this one alone."""
 
     def view_vectors(self, pixels: np.ndarray) -> tuple[np.ndarray, bool]:
         """What kernels call `view`: the eye (1, 3) and True, or the rays' directions (n, 3) and False when orthographic."""
@@ -54,24 +64,40 @@ class Frame:
 class Decisions:
     """What was decided for every candidate of a frame, row by row.
 
-    candidates    : the items with all their letters and `predicted_cost`
+    candidates    : the items with all their letters and predicted costs
     chosen        : (n,) bool, traced, at least in part
-    passes        : (n,) int32, how many of an item's PASSES interleaved passes were traced
+    reason        : (n,) uint8, why or why not, index into REASONS
+    order         : (n,) int32, the how-manieth item the heuristic named; -1 for one it did not
+    passes        : (n,) int32, how many of its PASSES interleaved passes are traced, the last perhaps not whole
     traced_pixels : (n,) int64
     rays          : (n,) int64, really traced
-    milliseconds  : (n,) float64, of thread time
-    budget        : rays the sample's ray phase might take; +inf without a limit
-    measured      : rays and milliseconds are each item's own; without a budget they are its share, by pixels, of its effect's
+    milliseconds  : (n,) float64, of the renderer's clock; they sum to the waves' times
+    budget, budget_unit: what the sample's ray phase might take, "rays", "ms" or "none" (+inf)
+    left          : what was left of it at the end; +inf without one
+    ray_ms        : how long the ray phase took by the renderer's clock
+    waves         : in how many waves
+
+    Rays and milliseconds of small items are their share, by prediction, of what items of their effect took together.
     """
 
     candidates: Candidates
     chosen: np.ndarray
+    reason: np.ndarray
+    order: np.ndarray
     passes: np.ndarray
     traced_pixels: np.ndarray
     rays: np.ndarray
     milliseconds: np.ndarray
     budget: float = math.inf
-    measured: bool = False
+    budget_unit: BudgetUnit = "none"
+    left: float = math.inf
+    ray_ms: float = 0.0
+    waves: int = 0
+
+    @property
+    def overrun_ms(self) -> float:
+        """By how much the ray phase passed a budget of time; 0 when it did not, or had none."""
+        return max(self.ray_ms - self.budget, 0.0) if self.budget_unit == "ms" else 0.0
 
 
 @dataclass(frozen=True)
@@ -86,6 +112,8 @@ class FrameResult:
     stages: milliseconds by stage, summing to `milliseconds`. rays: how many by kind ("primary" and each effect).
     exposure: what the image was multiplied with, the camera's times the scene's. view: camera of the last sample.
     world: the scene as it is; rendering the next frame moves it on. time: seconds.
+    samples: the decisions of every sub-pixel sample, each its own. effect_layers: name of the layer that an effect writes.
+    budget: the frame's. headroom_ms: what was kept back of a frame budget. clock_ms: what the frame took by the renderer's clock.
     """
 
     image: np.ndarray
@@ -102,6 +130,16 @@ class FrameResult:
     light_layers: frozenset[str]
     world: World
     view: CameraView
+    budget: Budget = UNLIMITED
+    headroom_ms: float = 0.0
+    clock_ms: float = 0.0
+    samples: tuple[Decisions, ...] = ()
+    effect_layers: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def late(self) -> bool:
+        """Did the frame pass a budget for the whole frame?"""
+        return self.budget.kind == "frame_ms" and self.clock_ms > self.budget.amount
 
     @property
     def milliseconds(self) -> float:

@@ -8,11 +8,10 @@ import numpy as np
 
 from phrt.candidates import WorkItems
 from phrt.faults import Faults
-from phrt.frame import MASK_FALLBACK, MASK_FILLED, MASK_NONE, MASK_TRACED, Decisions, Frame
+from phrt.frame import MASK_FALLBACK, MASK_FILLED, MASK_HISTORY, MASK_NONE, MASK_TRACED, Decisions, Frame
 from phrt.interfaces.effect import RayEffect
-from phrt.interfaces.heuristic import PASSES
 from phrt.kernels.layers import fill_gaps, scatter
-from phrt.ledger import merged
+from phrt.runs import merged
 from phrt.workers import chunks
 
 CHUNK = 8192
@@ -31,38 +30,45 @@ def apply_fallbacks(
     frame: Frame, effects: list[RayEffect], work: WorkItems, decisions: Decisions, layers: LayerSet, faults: Faults
 ) -> None:
     """Partly traced items have their gaps filled; what is still missing, and what was not traced, takes the fallback."""
+    traced, units = decisions.traced_pixels, work.units
+    untraced, partial = traced == 0, (traced > 0) & (traced < decisions.candidates.pixel_count)
     for index, effect in enumerate(effects):
-        mine = work.candidates.effect == index
-        untraced = merged(work, np.flatnonzero(mine & (decisions.passes == 0)))
-        partial = merged(work, np.flatnonzero(mine & (decisions.passes > 0) & (decisions.passes < PASSES)))
-        missing = _fill(frame, effect, _concerned(frame, effect, partial, faults), layers)
-        left = [*_concerned(frame, effect, untraced, faults), *missing]
-        if left:
-            _fall_back(frame, effect, np.ascontiguousarray(np.concatenate(left)), layers, faults)
+        mine = units.effect == index
+        gone = merged(work, index, np.flatnonzero(mine & untraced[units.item]))
+        begun = merged(work, index, np.flatnonzero(mine & partial[units.item]))
+        missing = _fill(frame, effect, _concerned(frame, effect, begun, faults), layers)
+        left = [_concerned(frame, effect, _missing(gone, layers, effect), faults), *missing]
+        pixels = np.concatenate(left)
+        if len(pixels):
+            _fall_back(frame, effect, np.ascontiguousarray(pixels), layers, faults)
 
 
-def _concerned(frame: Frame, effect: RayEffect, runs: list[np.ndarray], faults: Faults) -> list[np.ndarray]:
-    """The pixels of `runs` at which the effect would give a value."""
-    kept = []
-    for pixels in runs:
-        applies = faults.applies_at(effect, frame, pixels)
-        kept.append(pixels if applies is None else pixels[applies])
-    return [pixels for pixels in kept if len(pixels)]
+def _missing(pixels: np.ndarray, layers: LayerSet, effect: RayEffect) -> np.ndarray:
+    """Those of `pixels` that hold no value of an earlier frame."""
+    kept = layers.masks[effect.writes.name][pixels] != MASK_HISTORY
+    return pixels if kept.all() else pixels[kept]
 
 
-def _fill(frame: Frame, effect: RayEffect, runs: list[np.ndarray], layers: LayerSet) -> list[np.ndarray]:
-    """Fill the gaps of `runs` of pixels from traced neighbours; returns the pixels that have none."""
+def _concerned(frame: Frame, effect: RayEffect, pixels: np.ndarray, faults: Faults) -> np.ndarray:
+    """Those of `pixels` at which the effect would give a value."""
+    if len(pixels) == 0:
+        return pixels
+    applies = faults.applies_at(effect, frame, pixels)
+    return pixels if applies is None else pixels[applies]
+
+
+def _fill(frame: Frame, effect: RayEffect, pixels: np.ndarray, layers: LayerSet) -> list[np.ndarray]:
+    """Fill the gaps among `pixels` from traced neighbours; returns the pixels that have none."""
     name = effect.writes.name
     layer, mask = layers.arrays[name], layers.masks[name]
     object_id, width, height = frame.surfaces.object_id, frame.view.width, frame.view.height
 
     def fill(pixels: np.ndarray) -> np.ndarray:
-        if fill_gaps(pixels, object_id, mask, width, height, MASK_TRACED, MASK_FILLED, layer):
+        if fill_gaps(pixels, object_id, mask, width, height, MASK_TRACED, MASK_HISTORY, MASK_FILLED, layer):
             return pixels[mask[pixels] == MASK_NONE]
         return pixels[:0]
 
-    pieces = [run[piece] for run in runs for piece in chunks(len(run), CHUNK, frame.workers.threads)]
-    return [left for left in frame.workers.map(fill, pieces) if len(left)]
+    return frame.workers.map(fill, [pixels[piece] for piece in chunks(len(pixels), CHUNK, frame.workers.threads)])
 
 
 def _fall_back(frame: Frame, effect: RayEffect, pixels: np.ndarray, layers: LayerSet, faults: Faults) -> None:

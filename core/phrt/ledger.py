@@ -1,91 +1,171 @@
-"""Ledger: what was traced of every work item in one frame, which pixels those are, and what it took."""
+"""Ledger: what was asked for and traced of every work item in one frame, and what it took."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from phrt.candidates import WorkItems
-from phrt.frame import Decisions
-from phrt.interfaces.heuristic import PASSES, Outcome, Request
-from phrt.kernels.layers import interleaved
+from phrt.experience import Experience
+from phrt.frame import CUT, EFFECT_OFF, NO_FIT, NO_TIME, NOT_ASKED, REDUCED, SELECTED, Decisions
+from phrt.interfaces.heuristic import PASSES, BudgetUnit, Outcome
+
+ALL_PIXELS = np.iinfo(np.int64).max
+"""What stands for no limit in requests."""
 
 
 @dataclass(frozen=True)
-class Part:
-    """Passes first..last - 1 of an item."""
+class Parts:
+    """Pixels `start` to `stop` - 1 of items, in the order of their interleaved passes. k parts, (k,) int64 each."""
 
-    item: int
-    first: int
-    last: int
+    item: np.ndarray
+    start: np.ndarray
+    stop: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.item)
+
+    def rows(self, rows: slice | np.ndarray) -> Parts:
+        """Some of the parts."""
+        return Parts(self.item[rows], self.start[rows], self.stop[rows])
+
+    @classmethod
+    def joined(cls, parts: Sequence[Parts]) -> Parts:
+        """All of them in order."""
+        return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("item", "start", "stop")))
+
+
+NO_PARTS = Parts(*(np.zeros(0, np.int64) for _ in range(3)))
 
 
 class Ledger:
-    """What has been traced of every item in this frame, and what it took."""
+    """What has been asked for and traced of every item in this frame. n items, m units.
+
+    asked, traced (n,) int64 pixels; order (n,) int32, as in `Decisions`; unit_pixels, unit_rays, unit_ms (m,)
+    float64: what tracing the units took.
+    """
 
     def __init__(self, work: WorkItems) -> None:
-        count = len(work.candidates)
+        count, units = len(work.candidates), len(work.units)
         self._work = work
-        self.passes = np.zeros(count, np.int32)
-        self.pixels = np.zeros(count, np.int64)
-        self.rays = np.zeros(count, np.int64)
-        self.milliseconds = np.zeros(count, np.float64)
+        self._size = work.candidates.pixel_count.astype(np.int64)
+        self._price = work.candidates.predicted_cost / np.maximum(self._size, 1)
+        self._named = 0
+        self._off = np.zeros(count, bool)
+        self._passes = np.zeros(count, np.int64)
+        self.asked = np.zeros(count, np.int64)
+        self.traced = np.zeros(count, np.int64)
+        self.order = np.full(count, -1, np.int32)
+        self.unit_pixels, self.unit_rays, self.unit_ms = (np.zeros(units) for _ in range(3))
 
-    def accept(self, request: Request) -> Part | None:
-        """The part a request stands for, noted as traced; None where there is no such item or nothing left of it."""
-        if not 0 <= request.item < len(self.passes) or request.passes < 1 or self.passes[request.item] >= PASSES:
+    def parts(self, items: np.ndarray, passes: np.ndarray, pixels: np.ndarray) -> Parts | None:
+        """What requests for `items` (k,) stand for, none of them twice; None where there is no such item, or it was asked for
+        whole before. passes, pixels (k,) int64: at most so many. Later passes of an item of few pixels may hold none: such
+        parts are left out."""
+        inside = (items >= 0) & (items < len(self._size)) & (passes >= 1) & (pixels >= 1)
+        if not inside.all():
             return None
-        first = int(self.passes[request.item])
-        last = min(first + request.passes, PASSES)
-        self.passes[request.item] = last
-        return Part(request.item, first, last)
+        start, size, limited = self.asked[items], self._size[items], pixels != ALL_PIXELS
+        if (self._passes[items] >= PASSES).any() or (limited & (start >= size)).any():
+            return None
+        last = np.minimum(np.where(limited, start * PASSES // size, self._passes[items]) + passes, PASSES)
+        stop = np.minimum(np.maximum(self._ends(items, last), start), start + np.minimum(pixels, size))
+        stop = np.where(limited, np.maximum(stop, start + 1), stop)
+        parts = Parts(items.astype(np.int64), start, stop)
+        return parts.rows(stop > start) if (stop <= start).any() else parts
 
-    def withdraw(self, part: Part) -> None:
-        """`part`, the last that was accepted of its item, will not be traced."""
-        self.passes[part.item] = part.first
+    def _ends(self, items: np.ndarray, passes: np.ndarray) -> np.ndarray:
+        """(k,) int64, pixels that the first `passes` (k,) of `items` have; nearly, where an item has several units."""
+        size = self._size[items]
+        if (passes >= PASSES).all():
+            return size
+        if len(self.unit_rays) == len(self._size):
+            return self._work.passes.ends[items, passes - 1]
+        return -(-passes * size // PASSES)
 
-    def discard(self, items: np.ndarray) -> None:
-        """What was traced of `items` (n,) bool does not count."""
-        self.passes[items] = 0
-        self.pixels[items] = 0
+    def predicted(self, parts: Parts) -> np.ndarray:
+        """(k,) float64, what the candidates say that tracing `parts` will take, in the budget's unit."""
+        return self._price[parts.item] * (parts.stop - parts.start)
 
-    def predicted(self, part: Part) -> float:
-        """What the candidates say that tracing `part` will take, in the budget's unit."""
-        return float(self._work.candidates.predicted_cost[part.item]) * (part.last - part.first) / PASSES
+    def name(self, parts: Parts) -> None:
+        """The heuristic named these, in this order."""
+        new = parts.item[self.order[parts.item] < 0]
+        self.order[new] = np.arange(self._named, self._named + len(new))
+        self._named += len(new)
 
-    def share_out(self, parts: list[Part], pixels: int, rays: int, milliseconds: float) -> None:
-        """Book what tracing `parts` (`pixels` in all) together took, by their pixels."""
-        sizes = np.array([self._work.candidates.pixel_count[p.item] * (p.last - p.first) / PASSES for p in parts])
-        for part, share in zip(parts, sizes / sizes.sum(), strict=True):
-            self.pixels[part.item] += round(pixels * share)
-            self.rays[part.item] += round(rays * share)
-            self.milliseconds[part.item] += milliseconds * share
+    def count(self, items: np.ndarray, passes: np.ndarray) -> None:
+        """So many more `passes` of `items` (k,) were asked for."""
+        self._passes[items] = np.minimum(self._passes[items] + passes, PASSES)
 
-    def outcome(self, part: Part) -> Outcome:
-        """What is known of the item of `part` by now."""
-        item = part.item
-        return Outcome(
-            pixels=int(self.pixels[item]),
-            rays=int(self.rays[item]),
-            milliseconds=float(self.milliseconds[item]),
-            complete=bool(self.passes[item] == PASSES),
+    def accept(self, parts: Parts) -> None:
+        """`parts` will be traced, if there is time."""
+        self.asked[parts.item] = parts.stop
+
+    def book(self, parts: Parts) -> None:
+        """`parts` are traced."""
+        self.traced[parts.item] = parts.stop
+
+    def discard(self, effect: int) -> None:
+        """What was traced of `effect` does not count: it failed."""
+        lost = self._work.units.effect == effect
+        self.unit_pixels[lost] = 0
+        kept = np.bincount(self._work.units.item, weights=~lost, minlength=len(self.traced)) > 0
+        self._off[self._work.units.item[lost]] = True
+        self.traced[~kept] = 0
+
+    def teach(self, experience: Experience) -> None:
+        """What tracing took, for the predictions of later frames."""
+        units, traced = self._work.units, np.flatnonzero(self.unit_pixels > 0)
+        experience.learn_rays(
+            units.object_id[traced], units.effect[traced], self.unit_pixels[traced], self.unit_rays[traced]
         )
 
-    def decisions(self, budget: float) -> Decisions:
+    def outcome(self, item: int) -> Outcome:
+        """What is known of `item` by now."""
+        mine = self._work.units.item == item if len(self.unit_rays) != len(self.traced) else np.array([item])
+        return Outcome(
+            pixels=int(self.traced[item]),
+            rays=round(float(self.unit_rays[mine].sum())),
+            milliseconds=float(self.unit_ms[mine].sum()),
+            complete=bool(self.traced[item] == self._size[item]),
+        )
+
+    def decisions(self, budget: float, unit: BudgetUnit, left: float, ray_ms: float, waves: int) -> Decisions:
         """The frame's account, when it is finished."""
+        units, count = self._work.units, len(self.traced)
         return Decisions(
             candidates=self._work.candidates,
-            chosen=self.passes > 0,
-            passes=self.passes,
-            traced_pixels=self.pixels,
-            rays=self.rays,
-            milliseconds=self.milliseconds,
+            chosen=self.traced > 0,
+            reason=self._reasons(),
+            order=self.order,
+            passes=(-(-self.traced * PASSES // np.maximum(self._size, 1))).astype(np.int32),
+            traced_pixels=self.traced,
+            rays=np.rint(np.bincount(units.item, weights=self.unit_rays, minlength=count)).astype(np.int64),
+            milliseconds=np.bincount(units.item, weights=self.unit_ms, minlength=count),
             budget=budget,
-            measured=math.isfinite(budget),
+            budget_unit=unit,
+            left=left,
+            ray_ms=ray_ms,
+            waves=waves,
         )
+
+    def _reasons(self) -> np.ndarray:
+        named = self.order >= 0
+        reason = np.select(
+            [
+                self._off,
+                ~named,
+                self.traced >= self._size,
+                (self.traced > 0) & (self.traced < self.asked),
+                self.traced > 0,
+                self.asked > 0,
+            ],
+            [EFFECT_OFF, NOT_ASKED, SELECTED, CUT, REDUCED, NO_TIME],
+            NO_FIT,
+        )
+        return reason.astype(np.uint8)
 
 
 def over_samples(decisions: Sequence[Decisions]) -> Decisions:
@@ -113,30 +193,3 @@ def _keys(decisions: Decisions) -> np.ndarray:
     """(n,) int64, one number for each object and effect."""
     candidates = decisions.candidates
     return candidates.object_id.astype(np.int64) * len(candidates.effect_names) + candidates.effect
-
-
-def pixel_runs(work: WorkItems, parts: list[Part], width: int) -> list[np.ndarray]:
-    """The pixels of `parts` (of one effect) as few runs: whole items merged, the interleaved pixels of the others in one."""
-    whole = np.array([part.item for part in parts if part.last - part.first == PASSES], np.int64)
-    runs = merged(work, whole)
-    pieces = []
-    for part in parts:
-        if part.last - part.first < PASSES:
-            (pixels,) = merged(work, np.array([part.item]))
-            out = np.empty(len(pixels), np.int32)
-            pieces.append(out[: interleaved(pixels, width, part.first, part.last, out)])
-    return [*runs, np.concatenate(pieces)] if pieces else runs
-
-
-def merged(work: WorkItems, items: np.ndarray) -> list[np.ndarray]:
-    """The pixels of `items` (of one effect) as few runs: items that lie next to each other in the sorted pixels become one."""
-    if len(items) == 0:
-        return []
-    pixels = work.pixels[int(work.candidates.effect[items[0]])]
-    items = items[np.argsort(work.first[items])]
-    first = work.first[items]
-    end = first + work.candidates.pixel_count[items]
-    breaks = np.flatnonzero(first[1:] != end[:-1]) + 1
-    starts = first[np.concatenate([[0], breaks])]
-    ends = end[np.concatenate([breaks - 1, [len(items) - 1]])]
-    return [pixels[a:b] for a, b in zip(starts, ends, strict=True)]

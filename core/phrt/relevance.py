@@ -6,17 +6,18 @@ observer, around it, and without geometry.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from phrt.camera import CameraView
+from phrt.controls import DEFAULT_PERSISTENCE as DEFAULT_PERSISTENCE
+from phrt.controls import Conditions
 from phrt.scene import Scene
+from phrt.view_motion import ViewMotion, picture_place
 from phrt.world import World
-
-DEFAULT_PERSISTENCE = 0.0001
-"""I. V of an object that covers 0.2 % of the picture, halfway to its border and 10 m away, is 0.0001, which is the median of the
-reference scene: an item that was traced counts as if such an object were added to it."""
 
 
 def center_closeness(center_world: np.ndarray, view: CameraView) -> np.ndarray:
@@ -25,10 +26,8 @@ def center_closeness(center_world: np.ndarray, view: CameraView) -> np.ndarray:
 
     Ours: the paper does not say how it normalises; here by the border that is nearer, so that P is 0 all along it.
     """
-    at = (center_world - view.position) @ view.world_from_view[:3, :3]
-    ahead = -at[:, 2] > 0
-    plane = np.ones(len(at)) if view.orthographic else np.where(ahead, -at[:, 2], 1.0)
-    off_center = np.abs(at[:, :2] / plane[:, None] / np.array(view.tan_half)).max(axis=1, initial=0.0)
+    place, ahead = picture_place(center_world, view)
+    off_center = np.abs(place).max(axis=1, initial=0.0)
     return np.where(ahead, np.maximum(1.0 - off_center, 0.0), 0.0).astype(np.float32)
 
 
@@ -57,44 +56,94 @@ def item_relevance(
     return (was_selected * np.float32(persistence) + visible) * importance
 
 
-def importance_factors(scene: Scene) -> np.ndarray:
-    """K (N + 1,) float32 of every object in the scene's situation; row 0, the background, is 0.
+def importance_factors(
+    scene: Scene, situation: str | None = None, attention: Mapping[str, float] | None = None
+) -> np.ndarray:
+    """K (N + 1,) float32 of every object in `situation` (the scene's own where it is not given); row 0, the background, is 0.
 
     The paper only says that K is how important an object is "in respect with the others"; here it is the object's importance
     over the mean of all objects (1 where the map says nothing), so that K is 1 on average and does not change the scale of R.
+
+    attention: factor by tag. K is multiplied by that of each of the object's tags, so that what is both golden and a coin is
+    looked at for both reasons; a factor below 1 turns away. After Funkhouser and Sequin 1993, whose benefit is a product of
+    factors too; ours: K is not normalised again, so that attention to one object leaves the others as they are.
     """
-    given = np.array(
-        [entry.importance.get(scene.situation, entry.importance.get("default", 1.0)) for entry in scene.objects]
-    )
+    situation = scene.situation if situation is None else situation
+    given = np.array([entry.importance.get(situation, entry.importance.get("default", 1.0)) for entry in scene.objects])
     mean = given.mean() if len(given) else 0.0
-    return np.concatenate([[0.0], given / mean if mean > 0 else given]).astype(np.float32)
+    factors = given / mean if mean > 0 else given
+    if attention:
+        factors = factors * [math.prod(attention.get(tag, 1.0) for tag in entry.tags) for entry in scene.objects]
+    return np.concatenate([[0.0], factors]).astype(np.float32)
+
+
+def slowed(visible: np.ndarray, speed: np.ndarray, strength: float) -> np.ndarray:
+    """V (n,) of objects that move at `speed` (n,) picture widths a second: V / (1 + strength speed).
+
+    Andrade et al. 2014, section 4.1, ask for it without a formula; Funkhouser and Sequin 1993 reduce an object's benefit with its
+    apparent speed. Ours: at strength 1, what crosses the picture in a second counts half.
+    """
+    return visible / (np.float32(1.0) + np.float32(strength) * speed)
 
 
 @dataclass(frozen=True)
 class ObjectLetters:
-    """The letters that belong to an object, whatever the effect; (N + 1,) float32 each, row 0 the background."""
+    """The letters that belong to an object, whatever the effect; (N + 1,) float32 each, row 0 the background.
+
+    speed: in the picture, widths a second; `visibility` is lowered by it where that is asked for.
+    """
 
     area: np.ndarray
     center_closeness: np.ndarray
     distance: np.ndarray
     visibility: np.ndarray
     importance_factor: np.ndarray
+    speed: np.ndarray
 
 
 class ObjectSight:
-    """How the objects of a scene are seen from frame to frame."""
+    """How the objects of a scene are seen from frame to frame.
+
+    view_speed: how fast the view moves in the present frame, picture widths a second (see `ViewMotion`).
+    """
 
     def __init__(self, world: World) -> None:
         self._local_center = local_centers(world)
+        self._motion = ViewMotion()
+        self._known_factors: tuple[tuple[object, ...], np.ndarray] | None = None
         self._importance = importance_factors(world.scene)
+        self._speed = np.zeros(world.object_count + 1, np.float32)
+        self._strength = 0.0
+        self._typical_distance = math.inf
+        self.view_speed = 0.0
+
+    def begin_frame(self, world: World, view: CameraView, time: float, conditions: Conditions) -> None:
+        """A new frame, seen by `view` at `time` seconds: what moved since the last one, and what counts now."""
+        self._speed, self.view_speed = self._motion.advance(self._centers(world), view, time, self._typical_distance)
+        self._strength = conditions.view_speed
+        self._importance = self._factors(world.scene, conditions)
 
     def letters(self, world: World, view: CameraView, visible_pixels: np.ndarray) -> ObjectLetters:
         """A, P, D, V, K of every object; visible_pixels (N + 1,) are counted from `object_id`."""
-        matrix = world.object_matrix
-        center = np.einsum("nij,nj->ni", matrix[:, :3, :3], self._local_center) + matrix[:, :3, 3]
+        center = self._centers(world)
         area = (visible_pixels / (view.width * view.height)).astype(np.float32)
         closeness, distance = center_closeness(center, view), observer_distance(center, view)
-        return ObjectLetters(area, closeness, distance, visibility(area, closeness, distance), self._importance)
+        seen = float(area[1:].sum())
+        self._typical_distance = float(area[1:] @ distance[1:]) / seen if seen > 0 else math.inf
+        visible = slowed(visibility(area, closeness, distance), self._speed, self._strength)
+        return ObjectLetters(area, closeness, distance, visible, self._importance, self._speed)
+
+    def _centers(self, world: World) -> np.ndarray:
+        """(N + 1, 3) float64 centres in world space."""
+        matrix = world.object_matrix
+        return np.einsum("nij,nj->ni", matrix[:, :3, :3], self._local_center) + matrix[:, :3, 3]
+
+    def _factors(self, scene: Scene, conditions: Conditions) -> np.ndarray:
+        """K, made anew only when the situation or the attention changes."""
+        key = (conditions.situation, *sorted(conditions.attention.items()))
+        if self._known_factors is None or self._known_factors[0] != key:
+            self._known_factors = (key, importance_factors(scene, conditions.situation, conditions.attention))
+        return self._known_factors[1]
 
 
 def local_centers(world: World) -> np.ndarray:

@@ -3,31 +3,37 @@
 from __future__ import annotations
 
 import math
-import time as clock
+import time as wall
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import TracebackType
 
 import numpy as np
 
-from phrt.arguments import checked_matrix, checked_size, make_effects, make_heuristic, scopes_of
+from phrt.arguments import checked_matrix, checked_size, make_effects, make_heuristic, one_of, scopes_of
 from phrt.budget import Budget, parse_budget
 from phrt.buffers import BufferPool
 from phrt.camera import CameraView
-from phrt.candidates import find_work
+from phrt.candidates import GROUPINGS, GroupBy, find_work
 from phrt.channels import CHANNELS, GBuffer
+from phrt.clock import Clock, RayClock, WallClock
 from phrt.composite import all_rows, compose, light_surfaces
-from phrt.errors import OptionError, did_you_mean
+from phrt.costs import COST_MODELS, CostModelName, CostModels
+from phrt.errors import OptionError, PhrtWarning, did_you_mean
 from phrt.experience import Experience
 from phrt.faults import Faults
 from phrt.frame import Decisions, Frame, FrameResult
 from phrt.interfaces.effect import RayEffect
 from phrt.interfaces.gbuffer import GBufferProducer
-from phrt.interfaces.heuristic import PASSES, FrameContext, Heuristic
+from phrt.interfaces.heuristic import BudgetUnit, FrameContext, Heuristic
 from phrt.interfaces.tracer import Tracer
 from phrt.kernels.arrays import environment_arrays, geometry_arrays, material_arrays, surface_arrays
 from phrt.layers import LayerSet, apply_fallbacks
 from phrt.ledger import over_samples
+from phrt.lightwise import OneLight, by_light
+from phrt.pace import Pace
+from phrt.quiet import garbage_waits
 from phrt.registry.auto import DEFAULT_HEURISTIC, choose_gbuffer, choose_tracer
 from phrt.registry.manager import get_registry
 from phrt.relevance import DEFAULT_PERSISTENCE, ObjectSight
@@ -47,11 +53,11 @@ class Stages:
 
     def __init__(self) -> None:
         self.milliseconds: dict[str, float] = {}
-        self._last = clock.perf_counter()
+        self._last = wall.perf_counter()
 
     def done(self, stage: str) -> None:
         """The time since the last call belongs to `stage`."""
-        now = clock.perf_counter()
+        now = wall.perf_counter()
         self.milliseconds[stage] = self.milliseconds.get(stage, 0.0) + (now - self._last) * 1e3
         self._last = now
 
@@ -63,7 +69,12 @@ class Renderer:
     size      : (width, height) in pixels; by default the scene's own, else 640 x 360
     heuristic : name of a heuristic plugin, or a `Heuristic`; by default the scene's own, else "all_trace"
     heuristic_options: its options; `{"seed": 3}` for "random"
-    budget    : secondary rays a frame may take, as "200000rays"; None or "none" for no limit. Sub-pixel samples share it
+    budget    : what a frame may take: "50ms" (the whole frame), "rays:20ms" (its ray phase), "200000rays" (secondary rays); None
+                or "none" for no limit. Sub-pixel samples share it, and the first kind is for one sample only
+    cost_model: what budgets are held by: "measured" (rays of the object, time of a ray) or "paper" (one price for C)
+    group_by  : what a work item is: "object" with all effects, "object_effect", or "object_effect_light"
+    clock     : what budgets of time are read from; by default real time
+    reserve_ms: what the host needs of a frame budget for itself, for tone mapping and presenting, say
     persistence: I of the paper, how much having been traced in the previous frame counts; 0 or more
     gbuffer   : "moderngl", "raycast", "auto" (moderngl on a hardware GL, else raycast), or a plugin's name
     tracer    : "embree", "open3d", "numpy", "auto" (the first available in this order), or a plugin's name
@@ -85,6 +96,10 @@ class Renderer:
         heuristic_options: Mapping[str, object] | None = None,
         budget: str | Budget | None = None,
         persistence: float = DEFAULT_PERSISTENCE,
+        cost_model: CostModelName = "measured",
+        group_by: GroupBy = "object_effect",
+        clock: Clock | None = None,
+        reserve_ms: float = 0.0,
         gbuffer: str = "auto",
         tracer: str = "auto",
         threads: int | None = None,
@@ -99,7 +114,15 @@ class Renderer:
             raise OptionError(f"threads is {threads}; it must be 1 to 1024")
         if not 0 <= persistence < math.inf:
             raise OptionError(f"persistence is {persistence}; it must be 0 or more")
+        if not 0 <= reserve_ms < math.inf:
+            raise OptionError(f"reserve_ms is {reserve_ms}; it must be 0 or more")
         self.budget = parse_budget(budget)
+        if self.budget.kind == "frame_ms" and aa > 1:
+            raise OptionError(f"budget is {self.budget} and aa is {aa}; a budget for the whole frame needs aa 1")
+        self.cost_model: CostModelName = one_of("cost_model", cost_model, COST_MODELS)
+        self.group_by: GroupBy = one_of("group_by", group_by, GROUPINGS)
+        self.clock = clock or WallClock()
+        self.reserve_ms = reserve_ms
         self.persistence = persistence
         registry = get_registry()
         self.scene = scene
@@ -118,11 +141,16 @@ class Renderer:
         dependencies = {"tracer": self.tracer, "workers": self.workers} if self._traces_primary else {}
         self.producer: GBufferProducer = registry.create("gbuffer", self.gbuffer_name, **dependencies)
         self.producer.build(self.world)
+        if self.group_by == "object_effect_light":
+            self.effects = by_light(self.effects, self.world)
         self._scopes = scopes_of(self.effects, self.world)
         self._sight = ObjectSight(self.world)
         self._experience = Experience(self.world.object_count, [scope.rays_per_pixel for scope in self._scopes])
         self._faults = Faults(strict=strict)
-        self._scheduler = BudgetScheduler(self._faults)
+        self._costs = CostModels([effect.name for effect in self.effects])
+        self._scheduler = BudgetScheduler(self._costs, self._experience, self._faults, self.clock)
+        self._pace = Pace()
+        self._told_short = False
         self._buffers = BufferPool()
         self._fallbacks_ready = False
         self._index = 0
@@ -172,7 +200,12 @@ class Renderer:
         self._check_open()
         if not math.isfinite(time):
             raise OptionError(f"time is {time}; it must be a finite number of seconds")
-        stages = Stages()
+        with garbage_waits():
+            return self._render(time, frame_index, camera)
+
+    def _render(self, time: float, frame_index: int | None, camera: int | str | CameraView) -> FrameResult:
+        """`render`, with what was given checked."""
+        stages, began = Stages(), self.clock.now_ms()
         index = self._index if frame_index is None else frame_index
         self._index = index + 1
         changes = self.world.advance(time)
@@ -188,7 +221,7 @@ class Renderer:
         rays: dict[str, int] = {}
         decisions: list[Decisions] = []
         for number, (x, y) in enumerate(pattern):
-            sample = self._sample(view.with_jitter(x, y), index, number, time, stages)
+            sample = self._sample(view.with_jitter(x, y), index, number, time, stages, began)
             for name, count in sample.rays.items():
                 rays[name] = rays.get(name, 0) + count
             decisions.append(sample.decisions)
@@ -202,7 +235,17 @@ class Renderer:
         self._experience.note_selected(decisions)
         means = {name: total / np.float32(self.aa) for name, total in sums.items()}
         last = replace(sample, decisions=over_samples(decisions), rays=rays)
-        result = self._result(last, means, stages.milliseconds, index, time)
+        ended = self.clock.now_ms()
+        result = replace(
+            self._result(last, means, stages.milliseconds, index, time),
+            clock_ms=ended - began + self.reserve_ms,
+            samples=tuple(decisions),
+            headroom_ms=self._pace.headroom_ms(self.budget.amount) if self.budget.kind == "frame_ms" else 0.0,
+        )
+        if self.budget.kind == "frame_ms":
+            self._pace.finished(
+                self.budget.amount, result.clock_ms, ended - sample.rays_ended_ms, bool(sample.decisions.waves)
+            )
         stages.done("composite")
         return result
 
@@ -215,7 +258,8 @@ class Renderer:
     ) -> FrameResult:
         """The frame of its last sample, and of the samples' means where there were several."""
         height, width = last.gbuffer.height, last.gbuffer.width
-        layers = last.layers.arrays.items()
+        views = {effect.writes.name for effect in self.effects if isinstance(effect, OneLight)}
+        layers = [(name, array) for name, array in last.layers.arrays.items() if name not in views]
         return FrameResult(
             image=means.get(_IMAGE, last.image).reshape(height, width, 3),
             gbuffer=last.gbuffer,
@@ -228,6 +272,8 @@ class Renderer:
             index=index,
             time=time,
             exposure=self._exposure(last.view),
+            effect_layers={effect.name: effect.writes.name for effect in self.effects},
+            budget=self.budget,
             light_layers=frozenset(
                 ["visibility", *(effect.writes.name for effect in self.effects if not effect.writes.components)]
             ),
@@ -253,7 +299,33 @@ class Renderer:
             raise OptionError(f"no camera number {camera}; the scene has {len(cameras)}, counted from 0")
         return self.world.view(*self.size, camera)
 
-    def _sample(self, view: CameraView, index: int, number: int, time: float, stages: Stages) -> _Sample:
+    def _ray_budget(self, began_ms: float) -> tuple[float, BudgetUnit]:
+        """What the ray phase of a sample may take that begins now, in a frame that began at `began_ms`."""
+        budget = self.budget
+        match budget.kind:
+            case "none":
+                return math.inf, "none"
+            case "rays":
+                return budget.amount / self.aa, "rays"
+            case "ray_ms":
+                return budget.amount / self.aa, "ms"
+        if isinstance(self.clock, RayClock):
+            return budget.amount, "ms"
+        spent = self.clock.now_ms() - began_ms + self.reserve_ms
+        left = self._pace.ray_budget_ms(budget.amount, spent)
+        if left <= 0 and not self._told_short and self._index > 2:
+            self._told_short = True
+            warnings.warn(
+                f"the frame budget of {budget} leaves nothing for rays: the rest of the frame takes "
+                f"{spent + self._pace.tail_ms:.0f} ms here; every effect shows its fallback",
+                PhrtWarning,
+                stacklevel=4,
+            )
+        return left, "ms"
+
+    def _sample(
+        self, view: CameraView, index: int, number: int, time: float, stages: Stages, began_ms: float
+    ) -> _Sample:
         """One G-buffer, traced and composed."""
         gbuffer = self.producer.render(view, channels=FRAME_CHANNELS)
         surfaces = surface_arrays(gbuffer)
@@ -279,22 +351,28 @@ class Renderer:
             time=time,
             seed=(index * self.aa + number) & 0x7FFFFFFF,
         )
-        work = find_work(frame, self.effects, self._scopes, self._sight, self._experience, self.persistence)
+        amount, unit = self._ray_budget(began_ms)
         layers = self._clear_layers(count)
+        work = find_work(
+            frame, self.effects, self._scopes, self._sight, self._experience, self._costs,
+            persistence=self.persistence, budget_unit=unit, cost_model=self.cost_model, group_by=self.group_by,
+        )  # fmt: skip
         stages.done("candidates")
+        if self.budget.kind == "frame_ms":
+            amount, unit = self._ray_budget(began_ms)
         context = FrameContext(
             world=world,
             frame_index=index,
             time=time,
-            budget=self.budget.rays / self.aa,
-            budget_unit="rays" if math.isfinite(self.budget.rays) else "none",
+            budget=amount,
+            budget_unit=unit,
             sample=number,
             samples=self.aa,
         )
         decisions = self._scheduler.run(frame, self.effects, work, self.heuristic, context, layers)
-        self._experience.learn_costs(decisions)
+        rays_ended = self.clock.now_ms()
         stages.done("rays")
-        if (decisions.passes < PASSES).any():
+        if (decisions.traced_pixels < decisions.candidates.pixel_count).any():
             if not self._fallbacks_ready:
                 for effect in self.effects:
                     self._faults.prepare_fallback(effect, frame)
@@ -308,7 +386,7 @@ class Renderer:
         )  # fmt: skip
         stages.done("composite")
         rays = {"primary": count if self._traces_primary else 0, **layers.rays}
-        return _Sample(view, image, gbuffer, direct, layers, decisions, rays)
+        return _Sample(view, image, gbuffer, direct, layers, decisions, rays, rays_ended)
 
     def _clear_layers(self, count: int) -> LayerSet:
         """Every layer the composition reads, at its clear value, and those of further effects."""
@@ -319,13 +397,20 @@ class Renderer:
             "refraction": (3, 0.0),
         }
         for effect in self.effects:
-            wanted.setdefault(effect.writes.name, (effect.writes.width(self.world), effect.writes.clear))
+            if not isinstance(effect, OneLight):
+                wanted.setdefault(effect.writes.name, (effect.writes.width(self.world), effect.writes.clear))
         layers = LayerSet({}, {})
         fills: list[tuple[np.ndarray, float]] = []
         for name, (components, clear) in wanted.items():
             layers.arrays[name] = self._buffers.take((count, components))
             layers.masks[name] = self._buffers.take((count,), np.uint8)
             fills += [(layers.arrays[name], clear), (layers.masks[name], 0)]
+        for effect in self.effects:
+            if isinstance(effect, OneLight):
+                whole, name = layers.arrays[effect.layer], effect.writes.name
+                layers.arrays[name] = whole[:, effect.light : effect.light + 1]
+                layers.masks[name] = self._buffers.take((count,), np.uint8)
+                fills.append((layers.masks[name], 0))
         self.workers.map(lambda fill: fill[0].fill(fill[1]), fills)
         return layers
 
@@ -341,3 +426,4 @@ class _Sample:
     layers: LayerSet
     decisions: Decisions
     rays: dict[str, int]
+    rays_ended_ms: float

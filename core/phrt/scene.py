@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from phrt.controls import ControlKey
 from phrt.model import CameraLens, Image, Light, Material, Mesh, Track
 
 EffectSwitch = Literal["auto", "always", "never"]
@@ -77,7 +78,10 @@ class Dome:
 
 @dataclass
 class RenderSettings:
-    """Defaults a scene carries for its own pictures; the command line and `Renderer` arguments come first."""
+    """Defaults a scene carries for its own pictures; the command line and `Renderer` arguments come first.
+
+    track: controls that change along the scene's time, at rising times.
+    """
 
     size: tuple[int, int] | None = None
     heuristic: str | None = None
@@ -86,11 +90,16 @@ class RenderSettings:
     fps: float = 30.0
     frames: int = 1
     effects: dict[str, dict[str, object]] = field(default_factory=dict)
+    track: list[ControlKey] = field(default_factory=list)
 
 
 @dataclass
 class Scene:
-    """Everything a descriptor or a model file says, composed and resolved. situation: the selected variant."""
+    """Everything a descriptor or a model file says, composed and resolved.
+
+    situation: the selected variant, which is also the situation that importance is looked up for until a control says
+    otherwise. situations: `default` and every variant that could have been selected.
+    """
 
     name: str
     source: Path | None = None
@@ -105,6 +114,7 @@ class Scene:
     dome: Dome = field(default_factory=Dome)
     settings: RenderSettings = field(default_factory=RenderSettings)
     situation: str = "default"
+    situations: tuple[str, ...] = ("default",)
 
     @property
     def triangle_count(self) -> int:

@@ -9,43 +9,32 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from phrt.asking import Asking
 from phrt.candidates import WorkItems
-from phrt.errors import PluginError
-from phrt.faults import BlamedHeuristic, Faults
+from phrt.clock import Clock, WallClock
+from phrt.costs import CostModels
+from phrt.experience import Experience
+from phrt.faults import Faults
 from phrt.frame import MASK_TRACED, Decisions, Frame
 from phrt.interfaces.effect import RayEffect
 from phrt.interfaces.heuristic import FrameContext, Heuristic
 from phrt.kernels.layers import scatter
 from phrt.layers import LayerSet
-from phrt.ledger import Ledger, Part, pixel_runs
+from phrt.ledger import NO_PARTS, Ledger, Parts
+from phrt.runs import UnitParts, unit_parts
 from phrt.workers import chunks
 
 CHUNK_RAYS = 24576
-"""Rays, by estimate, that a thread takes at a time: what stays in its share of the cache."""
+"""Rays, by prediction, that a thread takes at a time: what stays in its share of the cache;"""
+SMALLEST_CHUNK_RAYS = 4096
+"""fewer in small waves, so that all threads have work and end together."""
 
-
-WAVE_SHARE = 0.25
+WAVE_SHARE = 0.35
 """A wave takes at most this share of what is left of a budget, by prediction, so that the next one can be corrected;"""
-
-SMALLEST_WAVE_RAYS = 2.0 * CHUNK_RAYS
-"""but it may take this much, so that the last waves are not many small ones."""
-
-
-@dataclass(frozen=True)
-class Group:
-    """Parts of items of one effect that are traced and accounted for together."""
-
-    effect: int
-    parts: list[Part]
-
-
-@dataclass(frozen=True)
-class Task:
-    """A run of pixels of one group: one or several items that lie next to each other."""
-
-    group: int
-    effect: int
-    pixels: np.ndarray
+SMALLEST_WAVE = {"rays": 2.0 * CHUNK_RAYS, "ms": 1.5}
+"""but it may take this much, in the budget's unit, so that the last waves are not many small ones."""
+LEAST_LEFT = {"rays": 1.0, "ms": 0.2}
+"""With less than this left, no wave is started."""
 
 
 class Scheduler(ABC):
@@ -65,18 +54,25 @@ class Scheduler(ABC):
 
 
 class BudgetScheduler(Scheduler):
-    """Waves of work items, as many as the budget of the context (rays) holds.
+    """Waves of work items, as many as the budget of the context (rays or milliseconds) holds.
 
-    Without a budget one wave takes everything the heuristic wants, batched by effect. With one, what an item is predicted
-    to take is off the budget when the item is handed out, and what it really took instead when its wave is done. An item
-    that is predicted to take more than is left is not started. Decisions do not depend on time or threads.
+    Without a budget one wave takes everything the heuristic wants. With one, what an item is predicted to take is off the
+    budget when the item is named, and what it really took instead when it is traced. An item that is predicted to take more
+    than is left is not started. One that is larger than a wave is traced over several, pixels of its interleaved passes one
+    after the other, and where the budget ends before it does, it stays a coarser effect.
 
-    An effect that fails traces nothing from then on, and the frame goes on (`Faults`). A heuristic that fails ends it with
-    a PluginError: without one, nobody knows what is wanted.
+    No wave is started that is predicted to pass the budget, and the clock is read after each. With a budget of rays, or by a
+    RayClock, decisions depend neither on time nor on threads.
+
+    Effects and heuristics that fail are contained (`Faults`).
     """
 
-    def __init__(self, faults: Faults | None = None) -> None:
+    def __init__(
+        self, costs: CostModels, experience: Experience, faults: Faults | None = None, clock: Clock | None = None
+    ) -> None:
+        self._costs, self._experience = costs, experience
         self._faults = faults or Faults()
+        self._clock = clock or WallClock()
 
     def run(
         self,
@@ -87,92 +83,102 @@ class BudgetScheduler(Scheduler):
         context: FrameContext,
         layers: LayerSet,
     ) -> Decisions:
+        started = self._clock.now_ms()
+        spent = 0.0
+        unit = context.budget_unit
         ledger = Ledger(work)
-        remaining = context.budget
-        asked = BlamedHeuristic(heuristic)
-        asked.begin_frame(work.candidates, context)
-        while wave := self._ask(asked, ledger, remaining):
-            self._trace(frame, effects, work, wave, layers, ledger, math.isfinite(context.budget))
-            remaining = max(context.budget - float(ledger.rays.sum()), 0.0)
-            for part in wave:
-                asked.report(part.item, ledger.outcome(part))
-        asked.end_frame()
+        asking = Asking(heuristic, self._faults, ledger, context)
+        asking.begin(work.candidates)
+        waves, pending, now = 0, NO_PARTS, started
+        while True:
+            left = max(context.budget - spent, 0.0)
+            wave, pending = self._next_wave(asking, ledger, pending, left, unit)
+            if not len(wave):
+                break
+            traced = self._trace(frame, effects, work, ledger, wave, layers)
+            ledger.book(wave)
+            asking.report(wave)
+            waves += 1
+            now = self._clock.now_ms()
+            spent = spent + traced if unit == "rays" else now - started
+        asking.end()
         for index, effect in enumerate(effects):
             if self._faults.is_off(effect):
-                ledger.discard(work.candidates.effect == index)
-        return ledger.decisions(context.budget)
+                ledger.discard(index)
+        ledger.teach(self._experience)
+        return ledger.decisions(context.budget, unit, max(context.budget - spent, 0.0), now - started, waves)
 
-    def _ask(self, heuristic: BlamedHeuristic, ledger: Ledger, remaining: float) -> list[Part]:
-        """The next wave: parts of items in the order the heuristic named them."""
-        wave: list[Part] = []
-        refused: set[int] = set()
-        largest = max(remaining * WAVE_SHARE, SMALLEST_WAVE_RAYS)
-        planned = 0.0
-        while planned < largest and (request := heuristic.next(remaining - planned)) is not None:
-            part = ledger.accept(request)
-            if part is None or part.item in refused:
-                raise PluginError(
-                    f"heuristic {heuristic.name} returned item {request.item}: "
-                    f"not one of {len(ledger.passes)}, or twice"
-                )
-            if planned + ledger.predicted(part) > remaining:
-                ledger.withdraw(part)
-                refused.add(part.item)
-                continue
-            planned += ledger.predicted(part)
-            wave.append(part)
-        return wave
+    def _next_wave(self, asking: Asking, ledger: Ledger, pending: Parts, left: float, unit: str) -> tuple[Parts, Parts]:
+        """What is traced now, and what was named and has to wait. left: of the budget."""
+        if unit == "none":
+            return asking.take(math.inf, math.inf), NO_PARTS
+        if left < LEAST_LEFT[unit]:
+            return NO_PARTS, pending
+        largest = min(max(left * WAVE_SHARE, SMALLEST_WAVE[unit]), left)
+        named = [pending]
+        planned = float(ledger.predicted(pending).sum())
+        asking.has_more = True
+        while planned < largest and asking.has_more:
+            named.append(asking.take(left - planned, largest - planned))
+            planned += float(ledger.predicted(named[-1]).sum())
+        return _cut(Parts.joined(named), ledger, largest)
 
     def _trace(
         self,
         frame: Frame,
         effects: list[RayEffect],
         work: WorkItems,
-        wave: list[Part],
-        layers: LayerSet,
         ledger: Ledger,
-        measure: bool,
-    ) -> None:
-        """Trace `wave` chunk by chunk, dearest effects first. With `measure` every item is traced and measured by itself;
-        without, items of an effect are merged, and costs are shared out to them by their pixels."""
-        estimates = [
-            max(float(work.candidates.ray_estimate[work.candidates.effect == index].max(initial=1.0)), 1.0)
-            for index in range(len(effects))
-        ]
-        groups = self._groups(work, wave, measure)
-        tasks: list[Task] = []
-        for number in sorted(range(len(groups)), key=lambda g: -estimates[groups[g].effect]):
-            index = groups[number].effect
-            if not self._faults.is_off(effects[index]):
-                size = max(int(CHUNK_RAYS / estimates[index]), 256)
-                for run in pixel_runs(work, groups[number].parts, frame.view.width):
-                    tasks += [Task(number, index, run[piece]) for piece in chunks(len(run), size)]
+        wave: Parts,
+        layers: LayerSet,
+    ) -> float:
+        """Trace `wave` chunk by chunk, dearest effects first, and book what it took. Returns the rays."""
+        started = self._clock.now_ms()
+        parts = unit_parts(work, wave)
+        groups = [group for group in self._groups(parts) if not self._faults.is_off(effects[group.effect])]
+        size = min(max(float(parts.rays.sum()) / (4 * frame.workers.threads), SMALLEST_CHUNK_RAYS), CHUNK_RAYS)
+        tasks: list[_Task] = []
+        for number, group in enumerate(groups):
+            pixels = parts.pixels(work, group.rows)
+            for piece in chunks(len(pixels), max(int(size / group.rays_per_pixel), 64)):
+                tasks.append(_Task(number, group.effect, pixels[piece]))
 
-        def work_on(task: Task) -> tuple[int, float]:
-            started = time.perf_counter()
+        def work_on(task: _Task) -> tuple[int, float]:
+            began = time.perf_counter()
             traced = self._trace_task(frame, effects[task.effect], task.pixels, layers)
-            return traced, (time.perf_counter() - started) * 1e3
+            return traced, (time.perf_counter() - began) * 1e3
 
-        rays, pixels = np.zeros(len(groups), np.int64), np.zeros(len(groups), np.int64)
-        milliseconds = np.zeros(len(groups))
+        rays, thread_ms = np.zeros(len(groups), np.int64), np.zeros(len(groups))
         for task, (traced, spent) in zip(tasks, frame.workers.map(work_on, tasks), strict=True):
             rays[task.group] += traced
-            pixels[task.group] += len(task.pixels)
-            milliseconds[task.group] += spent
-        for number, group in enumerate(groups):
-            ledger.share_out(group.parts, int(pixels[number]), int(rays[number]), float(milliseconds[number]))
+            thread_ms[task.group] += spent
+        milliseconds = self._clock.wave(started, thread_ms, rays)
+        self._costs.learn(
+            [
+                parts.book(ledger, work, group.rows, group.effect, int(count), float(spent))
+                for group, count, spent in zip(groups, rays, milliseconds, strict=True)
+            ]
+        )
+        for group, count in zip(groups, rays, strict=True):
             name = effects[group.effect].name
-            layers.rays[name] = layers.rays.get(name, 0) + int(rays[number])
+            layers.rays[name] = layers.rays.get(name, 0) + int(count)
+        return float(rays.sum())
 
     @staticmethod
-    def _groups(work: WorkItems, wave: list[Part], measure: bool) -> list[Group]:
-        """What is accounted for together: one part, or all parts of an effect."""
-        if measure:
-            return [Group(int(work.candidates.effect[part.item]), [part]) for part in wave]
-        by_effect: dict[int, list[Part]] = {}
-        for part in wave:
-            by_effect.setdefault(int(work.candidates.effect[part.item]), []).append(part)
-        return [Group(index, parts) for index, parts in by_effect.items()]
+    def _groups(parts: UnitParts) -> list[_Group]:
+        """What is accounted for together: a large part alone, the small ones of an effect as one. Dearest pixels first."""
+        large = parts.rays >= CHUNK_RAYS
+        rows = [np.array([row]) for row in np.flatnonzero(large)]
+        rows += [
+            found
+            for effect in np.unique(parts.effect)
+            if len(found := np.flatnonzero(~large & (parts.effect == effect)))
+        ]
+        groups = [
+            _Group(int(parts.effect[own[0]]), own, float(parts.rays[own].sum() / max(parts.count[own].sum(), 1)))
+            for own in rows
+        ]
+        return sorted(groups, key=lambda group: -group.rays_per_pixel)
 
     def _trace_task(self, frame: Frame, effect: RayEffect, pixels: np.ndarray, layers: LayerSet) -> int:
         result = self._faults.trace(effect, frame, pixels)
@@ -182,3 +188,39 @@ class BudgetScheduler(Scheduler):
         name = effect.writes.name
         scatter(pixels, result.values, traced, np.uint8(MASK_TRACED), layers.arrays[name], layers.masks[name])
         return result.rays
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Unit parts `rows` of one effect."""
+
+    effect: int
+    rows: np.ndarray
+    rays_per_pixel: float
+
+
+@dataclass(frozen=True)
+class _Task:
+    """A run of pixels of one group, for one thread."""
+
+    group: int
+    effect: int
+    pixels: np.ndarray
+
+
+def _cut(parts: Parts, ledger: Ledger, largest: float) -> tuple[Parts, Parts]:
+    """The first parts that are predicted to take `largest` together, the last of them perhaps not whole, and the rest."""
+    costs = ledger.predicted(parts)
+    ends = np.cumsum(costs)
+    whole = int(np.searchsorted(ends, largest, side="right"))
+    if whole == len(parts):
+        return parts, NO_PARTS
+    before = float(ends[whole - 1]) if whole else 0.0
+    size = int(parts.stop[whole] - parts.start[whole])
+    fits = int(size * (largest - before) / costs[whole])
+    middle = np.array([parts.start[whole] + fits])
+    first, rest = parts.rows(slice(0, whole)), parts.rows(slice(whole, None))
+    if fits:
+        first = Parts.joined([first, Parts(rest.item[:1], rest.start[:1], middle)])
+        rest = Parts(rest.item, np.concatenate([middle, rest.start[1:]]), rest.stop)
+    return first, rest

@@ -67,15 +67,20 @@ def light_visibility(
     direct: np.ndarray,
     samples: int,
     coherent: bool = False,
+    only_light: int | None = None,
 ) -> tuple[np.ndarray, int]:
     """(n, L) float32 share of every light that reaches points `rows` (n,) int32 of `surfaces`, and the rays it took.
 
     samples: rays to each light that has an extent; 0 aims one at its centre (hard shadows). Lights that `direct`
     (rows, L, 3) says bring nothing get 1. coherent: the points are neighbours, in tile order (see `RayBatch`).
+    only_light: number of the one light that is asked for.
     """
     lights = frame.world.lights
+    if only_light is not None:
+        lights = lights.copy()
+        lights["casts_shadow"][np.arange(len(lights)) != only_light] = 0
     visibility = np.ones((len(rows), len(lights)), np.float32)
-    capacity = len(rows) * len(lights) * max(samples, 1)
+    capacity = len(rows) * (len(lights) if only_light is None else 1) * max(samples, 1)
     if capacity == 0:
         return visibility, 0
     origin, direction = np.empty((capacity, 3), np.float32), np.empty((capacity, 3), np.float32)

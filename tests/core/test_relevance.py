@@ -12,9 +12,11 @@ from scene_kit import LAMBERT, MIRROR, Stage, at, ball, box, quad
 
 import phrt
 from phrt.camera import CameraView, look_at
+from phrt.controls import Conditions
 from phrt.interfaces.heuristic import Candidates
-from phrt.relevance import center_closeness, importance_factors, observer_distance
+from phrt.relevance import ObjectSight, center_closeness, importance_factors, observer_distance, slowed
 from phrt.scene import Scene, SceneObject
+from phrt.world import World
 
 FOV = 2 * math.atan(0.5)
 """Half the picture's height is half of the distance."""
@@ -63,6 +65,18 @@ def test_every_letter_of_two_spheres() -> None:
     # S: all were traced in the first frame.
     assert work.was_selected.all()
     assert work.relevance[[far, near]] == pytest.approx((0.25 + visible) * [0.5, 1.5], rel=1e-5)
+
+
+def test_area_from_object_ids_is_that_of_the_projected_disc() -> None:
+    """At 800x400 the mirror ball's silhouette is counted to a hundredth of it, and the near ball hides nothing of it."""
+    work = letters(two_spheres().scene, size=(800, 400))
+    radius = 0.5 / math.sqrt(16 - 0.25) * 400
+    assert work.area[row(work, 1, "reflections")] * 800 * 400 == pytest.approx(math.pi * radius**2, rel=0.01)
+    # A small cone off the axis covers its solid angle / cos^3 of the plane at distance 1, where the picture is 2 x 1.
+    angle = math.asin(0.25 / math.sqrt(4.25))
+    solid = 2 * math.pi * (1 - math.cos(angle))
+    cosine = 2 / math.sqrt(4.25)
+    assert work.area[row(work, 2, "reflections")] * 2 == pytest.approx(solid / cosine**3, rel=0.03)
 
 
 def test_nothing_was_selected_before_the_first_frame_nor_after_one_without_rays() -> None:
@@ -148,6 +162,67 @@ def test_importance_is_of_the_situation_and_relative_to_the_mean(situation: str,
     objects = [entry(night=10.0), entry(default=4.0), entry(default=1.0)]
     scene = Scene("s", objects=objects, situation=situation)
     np.testing.assert_allclose(importance_factors(scene), factors, rtol=1e-6)
+
+
+def tagged(*tags: str) -> SceneObject:
+    return SceneObject("/o", 0, 0, tags=tags)
+
+
+def test_attention_multiplies_importance_by_the_factor_of_every_tag_of_an_object() -> None:
+    scene = Scene("s", objects=[tagged("gold", "coin"), tagged("gold"), tagged("coin"), tagged(), tagged("wall")])
+    found = importance_factors(scene, attention={"gold": 3.0, "coin": 2.0, "wall": 0.0})
+    np.testing.assert_allclose(found, [0, 6, 3, 2, 1, 0])
+    np.testing.assert_allclose(importance_factors(scene, attention={}), [0, 1, 1, 1, 1, 1])
+
+
+def test_another_situation_than_the_scenes_can_be_asked_for() -> None:
+    scene = Scene("s", objects=[entry(night=10.0), entry(default=4.0)])
+    np.testing.assert_allclose(importance_factors(scene), [0, 0.4, 1.6], rtol=1e-6)
+    np.testing.assert_allclose(importance_factors(scene, "night"), [0, 20 / 14, 8 / 14], rtol=1e-6)
+
+
+def test_speed_halves_visibility_at_one_picture_width_a_second_and_strength_one() -> None:
+    visible, speed = np.ones(4, np.float32), np.array([0.0, 0.5, 1.0, 3.0], np.float32)
+    np.testing.assert_allclose(slowed(visible, speed, 1.0), [1, 2 / 3, 0.5, 0.25], rtol=1e-6)
+    np.testing.assert_allclose(slowed(visible, speed, 0.0), [1, 1, 1, 1])
+    np.testing.assert_allclose(slowed(visible, speed, 2.0), [1, 0.5, 1 / 3, 1 / 7], rtol=1e-6)
+
+
+def seen(sight: ObjectSight, world: World, frames: list[tuple[float, float]], conditions: Conditions) -> Any:
+    """The letters of the last of frames (time, x of the eye); both balls cover a tenth of the picture."""
+    for time, x in frames:
+        at_x = CameraView(200, 100, look_at((x, 0, 0), (x, 0, -1)), (1.0, 0.5))
+        sight.begin_frame(world, at_x, time, conditions)
+        found = sight.letters(world, at_x, np.array([16000, 2000, 2000]))
+    return found
+
+
+def test_letters_follow_the_situation_the_attention_and_the_speed_of_the_frame() -> None:
+    scene = two_spheres(importance={"default": 3.0, "night": 1.0}, tags=("gold",)).scene
+    world, sight = World(scene), ObjectSight(World(scene))
+    still = seen(sight, world, [(0.0, 0.0)], Conditions())
+    np.testing.assert_allclose(still.importance_factor, [0, 0.5, 1.5])
+    assert seen(sight, world, [(0.1, 0.0)], Conditions(situation="night")).importance_factor.tolist() == [0, 1, 1]
+    looked_for = seen(sight, world, [(0.2, 0.0)], Conditions(attention={"gold": 4.0}))
+    np.testing.assert_allclose(looked_for.importance_factor, [0, 0.5, 6.0])
+    np.testing.assert_allclose(seen(sight, world, [(0.3, 0.0)], Conditions()).importance_factor, [0, 0.5, 1.5])
+
+
+def test_a_step_aside_lowers_the_visibility_of_near_things_more() -> None:
+    world = World(two_spheres().scene)
+    frames = [(0.0, -0.1), (0.5, 0.0)]
+    still = seen(ObjectSight(world), world, frames, Conditions())
+    slow = seen(ObjectSight(world), world, frames, Conditions(view_speed=2.0))
+    # 0.1 m in half a second, in pictures of 8 m and of 4 m: 0.025 and 0.05 widths a second.
+    np.testing.assert_allclose(still.speed[1:], [0.025, 0.05], rtol=1e-5)
+    np.testing.assert_allclose(slow.visibility[1:], still.visibility[1:] / [1.05, 1.1], rtol=1e-5)
+
+
+def test_letters_need_no_frame_to_have_begun() -> None:
+    world = World(two_spheres().scene)
+    found = ObjectSight(world).letters(world, view(), np.array([20000, 0, 0]))
+    assert np.isfinite(found.visibility).all()
+    assert found.speed.tolist() == [0, 0, 0]
 
 
 def test_importance_of_nothing_is_nothing() -> None:

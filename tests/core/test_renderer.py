@@ -337,7 +337,7 @@ def test_any_size_renders(size: tuple[int, int]) -> None:
         ({"effects": {"shadows": {"enabled": 0}}}, "effect 'shadows': option 'enabled' is 0, allowed: true or false"),
         ({"aa": 0}, "aa is 0; it must be 1 to 1024 samples per pixel"),
         ({"threads": 0}, "threads is 0; it must be 1 to 1024"),
-        ({"budget": "50ms"}, "budget is '50ms', but budgets of time"),
+        ({"budget": "50"}, "budget is '50' without a unit"),
         ({"effects": {"shadows": {"samples": -1}}}, "samples"),
         ({"effects": {"shadows": {"sample": 4}}}, "sample"),
     ],
@@ -464,7 +464,7 @@ def decided(objects: list[int], rays: list[int]) -> Decisions:
     count = len(objects)
     ids, zeros = np.array(objects, np.int32), np.zeros(count, np.int32)
     work = candidates(rays, effect_names=("one",), object_id=ids)
-    return Decisions(work, zeros > 0, zeros, zeros, np.array(rays), np.array(rays) / 2)
+    return Decisions(work, zeros > 0, zeros, zeros, zeros, zeros, np.array(rays), np.array(rays) / 2)
 
 
 def test_samples_that_see_other_objects_are_summed_by_object() -> None:

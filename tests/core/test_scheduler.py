@@ -9,16 +9,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from candidate_kit import candidates
+from candidate_kit import candidates, units_of
 
 from phrt.candidates import WorkItems
+from phrt.costs import CostModels
 from phrt.errors import PhrtWarning, PluginError
+from phrt.experience import Experience
 from phrt.faults import Faults
 from phrt.frame import MASK_FALLBACK, MASK_FILLED, MASK_TRACED
 from phrt.interfaces.effect import EffectResult, LayerSpec, RayEffect
 from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic, Outcome, Request
 from phrt.layers import LayerSet, apply_fallbacks
-from phrt.ledger import merged
+from phrt.runs import merged
 from phrt.scheduler import BudgetScheduler
 from phrt.workers import Workers
 
@@ -134,7 +136,7 @@ def work_items() -> WorkItems:
         ray_estimate=np.full(5, 2.0, np.float32),
         area=(counts / 600).astype(np.float32),
     )
-    return WorkItems(items, [pixels, pixels[300:]], np.array([*first, 0, 200]))
+    return WorkItems(items, units_of(items, [*first, 0, 200]), [pixels, pixels[300:]], 30)
 
 
 def run(
@@ -154,10 +156,12 @@ def run(
         view=SimpleNamespace(width=30, height=20),
         surfaces=SimpleNamespace(object_id=np.repeat(np.array([1, 2, 3], np.uint32), SIZES)),
     )
-    context = FrameContext(frame.world, 0, 0.0, budget)
+    context = FrameContext(frame.world, 0, 0.0, budget, "rays" if math.isfinite(budget) else "none")
     work = work or work_items()
     faults = faults or Faults()
-    decisions = BudgetScheduler(faults).run(frame, effects, work, heuristic, context, layers)  # type: ignore[arg-type]
+    names = [effect.name for effect in effects]
+    scheduler = BudgetScheduler(CostModels(names), Experience(3, [2.0 for _ in names]), faults)
+    decisions = scheduler.run(frame, effects, work, heuristic, context, layers)  # type: ignore[arg-type]
     apply_fallbacks(frame, effects, work, decisions, layers, faults)  # type: ignore[arg-type]
     frame.workers.close()
     return decisions, layers
@@ -211,7 +215,18 @@ def test_a_heuristic_that_wants_nothing_leaves_every_fallback() -> None:
 @pytest.mark.parametrize("items", [[0, 0], [5], [-1], [2, None, 2]])
 def test_an_item_twice_or_out_of_range_is_the_heuristics_fault(items: list[int | None]) -> None:
     with pytest.raises(PluginError, match=r"heuristic Picks returned item -?\d: not one of 5, or twice"):
-        run(painters(), Picks(items))
+        run(painters(), Picks(items), Faults(strict=True))
+
+
+def test_a_heuristic_that_fails_is_switched_off_with_one_warning_and_the_frame_comes_out() -> None:
+    effects, faults = painters(), Faults()
+    with pytest.warns(PhrtWarning, match="heuristic Picks returned item 7.*; it is switched off, and what") as caught:
+        decisions, layers = run(effects, Picks([0, None, 7, 1]), faults)
+    assert len(caught) == 1
+    assert decisions.chosen.tolist() == [True, False, False, False, False]
+    assert np.all(layers.arrays["two_layer"][300:] == -1)
+    later, _ = run(effects, Picks([0, 1]), faults)
+    assert not later.chosen.any()
 
 
 @pytest.mark.parametrize(
@@ -312,14 +327,14 @@ class Failing(Picks):
 @pytest.mark.parametrize("call", ["begin_frame", "next", "report", "end_frame"])
 def test_a_heuristic_that_raises_is_named_with_the_call_and_the_cause(call: str) -> None:
     with pytest.raises(PluginError, match=rf"heuristic Failing failed in {call}\(\): KeyError: 'lost'") as caught:
-        run(painters(), Failing(call))
+        run(painters(), Failing(call), Faults(strict=True))
     assert isinstance(caught.value.__cause__, KeyError)
 
 
 @pytest.mark.parametrize("answer", ["first", 1.0, Request(0.5), Request(0, "all")])  # type: ignore[arg-type]
 def test_an_answer_that_is_no_item_is_the_heuristics_fault(answer: Any) -> None:
     with pytest.raises(PluginError, match=r"heuristic Picks returned .* from next\(\): expected an item's number"):
-        run(painters(), Picks([answer]))
+        run(painters(), Picks([answer]), Faults(strict=True))
 
 
 def test_strict_lets_an_effects_error_through() -> None:
@@ -329,9 +344,11 @@ def test_strict_lets_an_effects_error_through() -> None:
 
 def test_items_that_lie_next_to_each_other_become_one_run() -> None:
     work = work_items()
-    assert [len(r) for r in merged(work, np.array([2, 0, 1]))] == [600]
-    assert [r[0] for r in merged(work, np.array([2, 0]))] == [0, 500]
-    assert merged(work, np.array([], np.int32)) == []
+    everything = merged(work, 0, np.array([2, 0, 1]))
+    assert everything.base is not None
+    np.testing.assert_array_equal(everything, np.arange(600))
+    np.testing.assert_array_equal(merged(work, 0, np.array([2, 0])), [*range(300), *range(500, 600)])
+    assert len(merged(work, 0, np.array([], np.int64))) == 0
 
 
 def test_part_of_an_item_is_one_pixel_of_each_block_and_its_gaps_are_filled() -> None:
@@ -359,7 +376,7 @@ def test_the_passes_of_an_item_make_the_whole_item_without_repeats() -> None:
     assert decisions.rays[0] == 600
     assert heuristic.outcomes[0].complete
     with pytest.raises(PluginError, match="or twice"):
-        run(painters(), Picks([0, Request(0, 1)]))
+        run(painters(), Picks([0, Request(0, 1)]), Faults(strict=True))
 
 
 # --- budgets -------------------------------------------------------------------------------------------------------
@@ -396,8 +413,7 @@ def test_what_an_item_is_predicted_to_take_is_off_the_budget_at_once() -> None:
     decisions, layers = run(painters(), heuristic, budget=1200)
     assert heuristic.remaining[:4] == [1200, 600, 500, 100]
     assert decisions.rays.tolist() == [600, layers.rays["one"] - 600, 0, 400, 0]
-    assert decisions.budget == 1200
-    assert decisions.measured
+    assert (decisions.budget, decisions.budget_unit) == (1200, "rays")
 
 
 def test_an_item_that_is_predicted_to_pass_what_is_left_is_not_started() -> None:
@@ -416,27 +432,32 @@ def test_an_item_may_take_exactly_what_is_left() -> None:
 
 @pytest.mark.parametrize(
     ("kind", "left", "chosen"),
-    [(Frugal, 700.0, [True, True, True, False, False]), (Dear, 0.0, [True, False, False, False, False])],
+    [(Frugal, [700.0], [True, True, True, False, False]), (Dear, [], [True, False, False, False, False])],
 )
-def test_what_a_wave_really_took_replaces_the_prediction(kind: type[Painter], left: float, chosen: list[bool]) -> None:
+def test_what_a_wave_really_took_replaces_the_prediction(
+    kind: type[Painter], left: list[float], chosen: list[bool]
+) -> None:
     heuristic = Watched([0, None, 1, 2])
     decisions, _ = run([kind("one"), Painter("two")], heuristic, budget=1000)
-    assert heuristic.remaining[2] == left
+    assert heuristic.remaining[2:3] == left, "with nothing left it is not asked"
     assert decisions.chosen.tolist() == chosen
 
 
 def test_a_wave_under_a_budget_is_bounded() -> None:
     work = work_items()
     large = work.candidates.predicted_cost * np.float32(100)
-    work = WorkItems(replace(work.candidates, predicted_cost=large), work.pixels, work.first)
+    work = replace(work, candidates=replace(work.candidates, predicted_cost=large))
     heuristic = Watched([0, 1, 2, 3, 4])
     run(painters(), heuristic, budget=250_000, work=work)
-    # 60,000 and 40,000 rays are more than a wave holds; the next wave begins with what was not needed after all.
-    assert heuristic.remaining[:4] == [250_000, 190_000, 249_000, 229_000]
-    assert heuristic.calls == ["begin", "report 0", "report 1", "report 2", "report 3", "report 4", "end"]
+    # 60,000 and 40,000 rays are more than the 87,500 that a wave holds: 137 of the 200 pixels of item 1 are in the first one,
+    # which takes 2 rays a pixel after all, and the 12,600 rays of the others are off the budget of the second.
+    assert heuristic.remaining[:4] == [250_000, 190_000, 250_000 - 874 - 12_600, 250_000 - 874 - 12_600 - 20_000]
+    calls = [f"report {item}" for item in (0, 1, 1, 2, 3, 4, 4)]
+    assert heuristic.calls == ["begin", *calls, "end"]
+    assert heuristic.outcomes[1].complete
 
 
-def test_under_a_budget_every_item_has_its_own_account() -> None:
+def test_small_items_share_what_they_took_together_by_prediction() -> None:
     class Uneven(Painter):
         def trace(self, frame: Any, pixels: np.ndarray) -> EffectResult:
             return EffectResult(
@@ -444,15 +465,12 @@ def test_under_a_budget_every_item_has_its_own_account() -> None:
             )
 
     decisions, _ = run([Uneven("one"), Painter("two")], Picks([0, 1]), budget=2000)
-    assert decisions.rays.tolist() == [900, 200, 0, 0, 0]
-    shared, _ = run([Uneven("one"), Painter("two")], Picks([0, 1]))
-    assert shared.rays.tolist() == [660, 440, 0, 0, 0]
-    assert not shared.measured
+    assert decisions.rays.tolist() == [660, 440, 0, 0, 0]
 
 
 def test_an_item_that_was_refused_is_not_asked_for_again_in_the_wave() -> None:
     with pytest.raises(PluginError, match="heuristic Picks returned item 0: not one of 5, or twice"):
-        run(painters(), Picks([0, 0]), budget=500)
+        run(painters(), Picks([0, 0]), Faults(strict=True), budget=500)
 
 
 def test_no_budget_at_all_traces_nothing() -> None:

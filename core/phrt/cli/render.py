@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -21,6 +22,7 @@ from phrt.cli.parsing import (
     parse_heuristic_options,
     parse_size,
 )
+from phrt.cli.rerun import Rerun, check_exclusive
 from phrt.errors import OptionError
 from phrt.registry.auto import DEFAULT_HEURISTIC
 
@@ -56,8 +58,18 @@ def render(
         typer.Option("-H", "--heuristic-option", metavar="OPTION=VALUE", help="Option of the heuristic, as seed=3."),
     ] = None,
     budget: Annotated[
-        str, typer.Option(metavar="RAYS", help="Secondary rays a frame may take, as 200000rays, or none.")
+        str,
+        typer.Option(
+            metavar="BUDGET",
+            help="What a frame may take: 50ms (all of it), rays:20ms (its ray phase), 200000rays, or none.",
+        ),
     ] = "none",
+    cost_model: Annotated[
+        str, typer.Option(help="What budgets are held by: measured (rays and their time) or paper (one price for C).")
+    ] = "measured",
+    group_by: Annotated[
+        str, typer.Option(help="What is chosen: object, object_effect or object_effect_light.")
+    ] = "object_effect",
     persistence: Annotated[
         float | None, typer.Option(help="How much having been traced in the previous frame counts: I of the paper.")
     ] = None,
@@ -82,6 +94,22 @@ def render(
         list[str] | None,
         typer.Option(metavar="NAME.OPTION=VALUE", help="Option of an effect, as shadows.samples=4. Repeatable."),
     ] = None,
+    record: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Record every frame and every choice into this folder.")
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a run that --record finds in DIR.")] = False,
+    overlay: Annotated[
+        bool, typer.Option("--overlay", help="Tint the pictures by what was traced, with names and the budget.")
+    ] = False,
+    overlay_effect: Annotated[
+        str | None, typer.Option(metavar="NAME", help="The overlay of one effect alone, as shadows.")
+    ] = None,
+    replay: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Render again with the decisions recorded in this folder.")
+    ] = None,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="A heuristic or an effect that fails is an error, not a warning.")
+    ] = False,
     define: Annotated[
         list[str] | None,
         typer.Option(
@@ -105,10 +133,25 @@ def render(
     given_size = None if size is None else parse_size(size)
     given_frames = None if frames is None else parse_frames(frames)
     check_arguments(threads, aa, time, exposure, given_frames)
+    tint = overlay_effect or ("all" if overlay else None)
+    check_record(record, overwrite, replay)
+    rerun = None
+    if replay is not None:
+        asked = {
+            "--heuristic": bool(heuristic),
+            "-H": bool(decides),
+            "--budget": budget != "none",
+            "--time": time is not None,
+        }
+        check_exclusive(asked)
+        rerun = Rerun(replay)
 
-    from phrt.cli.writers import is_video, open_writer
+    from phrt.cli.writers import is_pattern, is_video, open_writer
+    from phrt.clock import RecordingClock, WallClock
     from phrt.description.seen import lacking
     from phrt.loading import load_scene
+    from phrt.overlay import chosen_effects
+    from phrt.recording import Recorder
     from phrt.relevance import DEFAULT_PERSISTENCE
     from phrt.renderer import Renderer
 
@@ -118,37 +161,58 @@ def render(
         settings = loaded.settings
         if exposure is not None:
             settings.exposure = exposure
-        width_height = given_size or settings.size or DEFAULT_SIZE
-        moments = choose_moments(loaded, given_frames, time, is_video(output))
+        width_height = given_size or (rerun.size if rerun else settings.size) or DEFAULT_SIZE
+        if rerun:
+            moments = [Moment(*each) for each in rerun.moments(given_frames, is_video(output) or is_pattern(output))]
+        else:
+            moments = choose_moments(loaded, given_frames, time, is_video(output))
         curve = tone_map or settings.tone_map or DEFAULT_TONE_MAP
-        writer = open_writer(output, len(moments), width_height, settings.fps, curve, layers)
+        writer = open_writer(output, len(moments), width_height, settings.fps, curve, layers, tint)
 
+    chosen: dict[str, Any] = {
+        "heuristic": heuristic or settings.heuristic or DEFAULT_HEURISTIC,
+        "heuristic_options": decides or None,
+        "budget": rays,
+        "persistence": DEFAULT_PERSISTENCE if persistence is None else persistence,
+        "cost_model": cost_model,
+        "group_by": group_by,
+        "strict": strict,
+        "gbuffer": gbuffer,
+        "tracer": tracer,
+        "threads": threads,
+        "effects": options or None,
+        "aa": aa,
+    }
+    if rerun:
+        chosen = rerun.options(loaded, chosen)
+    if record is not None:
+        chosen["clock"] = RecordingClock(WallClock())
     with (
         writer,
         DelayedProgress(len(moments), first_step()) as progress,
-        Renderer(
-            loaded,
-            size=width_height,
-            heuristic=heuristic or settings.heuristic or DEFAULT_HEURISTIC,
-            heuristic_options=decides or None,
-            budget=rays,
-            persistence=DEFAULT_PERSISTENCE if persistence is None else persistence,
-            gbuffer=gbuffer,
-            tracer=tracer,
-            threads=threads,
-            effects=options or None,
-            aa=aa,
-        ) as renderer,
+        Renderer(loaded, size=width_height, **chosen) as renderer,
+        ExitStack() as recording,
     ):
+        if tint is not None:
+            chosen_effects([effect.name for effect in renderer.effects], tint)
+        if rerun:
+            rerun.check(renderer)
+        recorder = None
+        if record is not None:
+            kept = {"output": output, "frames": frames, "camera": camera, "tone_map": curve, "overrides": define or []}
+            recorder = recording.enter_context(Recorder(record, renderer, settings=kept, overwrite=overwrite))
         rows: list[dict[str, Any]] = []
         for moment in moments:
             if rows:
                 progress.step(f"rendering frame {moment.index}")
-            frame = renderer.render(moment.time, frame_index=moment.index, camera=parse_camera(camera))
+            seen = rerun.view(moment.index, width_height) if rerun and camera == "0" else parse_camera(camera)
+            frame = renderer.render(moment.time, frame_index=moment.index, camera=seen)
+            if recorder is not None:
+                recorder.add(frame)
             writer.add(moment.index, frame)
             progress.advance()
             rows.append(frame_row(moment, frame))
-    report(rows, [str(path) for path in writer.files], output, width_height, as_json)
+    report(rows, [str(path) for path in writer.files], output, width_height, as_json, record)
 
 
 def check_arguments(
@@ -164,6 +228,19 @@ def check_arguments(
         check_number("--time", time, -1e6, 1e6)
         if frames is not None:
             raise OptionError("--time and --frames exclude each other: a frame's time is its number / the scene's fps")
+
+
+def check_record(record: Path | None, overwrite: bool, replay: Path | None) -> None:
+    """OptionError where nothing can be recorded: said before anything is rendered."""
+    if record is None:
+        if overwrite:
+            raise OptionError("--overwrite is for --record, which was not given")
+        return
+    from phrt.recording.recorder import check_recording
+
+    if replay is not None and record.resolve() == replay.resolve():
+        raise OptionError(f"--record and --replay both name '{record}': the run would be overwritten while it is read")
+    check_recording(record, overwrite=overwrite)
 
 
 def first_step() -> str:
@@ -194,10 +271,18 @@ def frame_row(moment: Moment, frame: FrameResult) -> dict[str, Any]:
     }
 
 
-def report(rows: list[dict[str, Any]], files: list[str], output: Path, size: tuple[int, int], as_json: bool) -> None:
+def report(
+    rows: list[dict[str, Any]],
+    files: list[str],
+    output: Path,
+    size: tuple[int, int],
+    as_json: bool,
+    record: Path | None = None,
+) -> None:
     """Say what was written: one JSON object on standard output, or a line or two on standard error."""
     if as_json:
-        print(json.dumps({"files": files, "size": list(size), "frames": rows, "warnings": terminal.warned}))
+        recorded = {} if record is None else {"record": str(record)}
+        print(json.dumps({"files": files, "size": list(size), "frames": rows, "warnings": terminal.warned} | recorded))
         return
     spent = sum(row["milliseconds"] for row in rows)
     rays = sum(sum(row["rays"].values()) for row in rows)
@@ -207,3 +292,5 @@ def report(rows: list[dict[str, Any]], files: list[str], output: Path, size: tup
         say("  " + ", ".join(f"{name} {milliseconds:.1f} ms" for name, milliseconds in rows[0]["stages"].items()))
     if len(files) > 1:
         say(f"  {len(files)} files")
+    if record is not None:
+        say(f"  recorded in {record}")

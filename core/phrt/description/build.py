@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from phrt.controls import checked_situation, known_situations, unknown_tags
 from phrt.description.assets import AssetRoots, MissingAssetError
 from phrt.description.convert import LightPrim, changed_material, lens_of, light_of, settings_of, texture_slots
 from phrt.description.fields import Described
@@ -47,7 +48,7 @@ from phrt.description.problems import Mark, Problems, listed
 from phrt.description.shapes import box, icosphere, inline_mesh, plane
 from phrt.description.validation import validated
 from phrt.description.values import Value
-from phrt.errors import AssetError, InputError, PhrtWarning, did_you_mean
+from phrt.errors import AssetError, InputError, OptionError, PhrtWarning, did_you_mean
 from phrt.materials import TEXTURE_SLOTS
 from phrt.model import Image, Material, Mesh, Model, TextureRef
 from phrt.scene import Dome, Scene, SceneCamera, SceneLight, SceneNode, SceneObject
@@ -62,7 +63,7 @@ class Builder:
     def __init__(
         self, stage: Stage, roots: AssetRoots, source: Path, problems: Problems, propagate: bool = False
     ) -> None:
-        self.scene = Scene(name=stage.name, source=source)
+        self.scene = Scene(name=stage.name, source=source, situations=tuple(stage.variants) or ("default",))
         self.stage = stage
         self.problems = problems
         self.materials: dict[str, int] = {}
@@ -434,12 +435,27 @@ class Builder:
         rotation = float(np.radians(prim.rotation))
         self.scene.dome = Dome((red, green, blue), pixels, rotation, prim.background)
 
+    def _check_track(self, path: str, prim: RenderSettingsPrim) -> None:
+        """The situations and tags that a track names must be some of this scene's."""
+        value = self.stage.prims[path]
+        for number, key in enumerate(prim.track):
+            try:
+                if key.situation is not None:
+                    checked_situation(key.situation, known_situations(self.scene))
+            except OptionError as error:
+                mark = value.mark_of(("track", number, "situation"))
+                self.problems.add(mark, path, f"track[{number}].situation: {error}")
+            for message in unknown_tags(key.attention or (), self.scene):
+                mark = value.mark_of(("track", number, "attention"))
+                warnings.warn(f"{mark}: {path}: track[{number}].{message}", PhrtWarning, stacklevel=2)
+
     def _settings(self) -> None:
         """Render settings, and the camera they name first."""
         for path, prim in self._prims.items():
             if not isinstance(prim, RenderSettingsPrim):
                 continue
             self.scene.settings = settings_of(prim)
+            self._check_track(path, prim)
             if prim.camera is None:
                 continue
             cameras = {camera.path: camera for camera in self.scene.cameras}

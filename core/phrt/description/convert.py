@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from phrt.budget import parse_budget
+from phrt.controls import ControlKey, Controls
 from phrt.description.prims import (
     CameraOver,
     CameraPrim,
@@ -14,6 +16,7 @@ from phrt.description.prims import (
     RectLightPrim,
     RenderSettingsPrim,
     SphereLightPrim,
+    TrackKey,
 )
 from phrt.materials import TEXTURE_SLOTS
 from phrt.model import CameraLens, Light, Material
@@ -99,4 +102,16 @@ def settings_of(prim: RenderSettingsPrim) -> RenderSettings:
         fps=prim.fps,
         frames=prim.frames,
         effects={name: dict(options) for name, options in prim.effects.items()},
+        track=[ControlKey(key.time, controls_of(key)) for key in prim.track],
+    )
+
+
+def controls_of(key: TrackKey) -> Controls:
+    return Controls(
+        budget=None if key.budget is None else parse_budget(key.budget),
+        persistence=key.persistence,
+        situation=key.situation,
+        attention=key.attention,
+        view_speed=key.view_speed,
+        parameters=key.parameters,
     )

@@ -7,6 +7,9 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, AllowInfNan, BaseModel, BeforeValidator, ConfigDict, Field, Strict, WithJsonSchema
 
+from phrt.budget import parse_budget
+from phrt.errors import OptionError
+
 PRIM_NAME = re.compile(r"[^\s/.:{}\[\],'\"*&#|>%@`=]+$")
 """A prim's name: anything readable without the characters that paths, overrides and YAML use."""
 
@@ -37,6 +40,13 @@ def _not_huge(value: float) -> float:
     return value
 
 
+def _budget(value: Any) -> Any:
+    try:
+        return str(parse_budget(value))
+    except OptionError as error:
+        raise ValueError(str(error)) from None
+
+
 LARGEST = 1e18
 """Beyond this, squares of numbers do not fit single precision."""
 
@@ -53,6 +63,8 @@ Triple = tuple[Real, Real, Real]
 Quaternion = tuple[Real, Real, Real, Real]
 Row = tuple[Real, Real, Real, Real]
 Matrix = tuple[Row, Row, Row, Row]
+BudgetText = Annotated[str, BeforeValidator(_budget), WithJsonSchema({"type": "string"})]
+"""A budget, as `phrt.budget.parse_budget` reads it."""
 PrimPath = Annotated[Text, AfterValidator(_clean_path)]
 """An absolute path of a prim."""
 

@@ -8,11 +8,12 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, model_validator
+from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, field_validator, model_validator
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from phrt.description.fields import (
+    BudgetText,
     Color,
     Described,
     Flag,
@@ -441,6 +442,22 @@ class DomeLightPrim(LightBase):
     background: Flag = Field(True, description="Is it seen where there is no surface?")
 
 
+class TrackKey(Described):
+    """A moment of the scene's own walk from which on something holds; what a key leaves out stays as it was."""
+
+    time: NotNegative = Field(description="Seconds from the start.")
+    situation: Text | None = Field(None, description="Which values of the importance maps hold.")
+    budget: BudgetText | None = Field(None, description="As 33ms, rays:20ms, 200000rays or none.")
+    persistence: NotNegative | None = Field(None, description="How much having been traced counts: I of the paper.")
+    attention: dict[Text, NotNegative] | None = Field(
+        None, description="Factor on the importance of objects by tag; replaces the attention before."
+    )
+    view_speed: NotNegative | None = Field(
+        None, description="How much motion in the picture lowers visibility; 0 is off."
+    )
+    parameters: dict[Text, Any] | None = Field(None, description="Values by name for heuristics that know them.")
+
+
 class RenderSettingsPrim(Described):
     """What the scene's own pictures are made with. The command line comes first. A scene has at most one."""
 
@@ -457,6 +474,15 @@ class RenderSettingsPrim(Described):
     effects: dict[Text, dict[str, Any]] = Field(
         default_factory=dict, description="Options of effects, by the effect's name."
     )
+    track: list[TrackKey] = Field(
+        default_factory=list, description="What changes along the scene's time: situations, budgets; at rising times."
+    )
+
+    @field_validator("track")
+    @classmethod
+    def _check_track(cls, track: list[TrackKey]) -> list[TrackKey]:
+        _rising([key.time for key in track])
+        return track
 
 
 AnyPrim = Annotated[

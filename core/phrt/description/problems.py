@@ -34,9 +34,10 @@ class Problem:
 
 
 class Problems:
-    """Collects problems while a scene is read, so that one error names them all."""
+    """Collects problems while a scene (or what else `subject` is) is read, so that one error names them all."""
 
-    def __init__(self) -> None:
+    def __init__(self, subject: str = "scene") -> None:
+        self._subject = subject
         self._found: list[Problem] = []
 
     def add(self, mark: Mark, path: str, message: str) -> None:
@@ -58,7 +59,7 @@ class Problems:
         lines = [f"  {problem}" for problem in ordered[:MOST_REPORTED]]
         if len(ordered) > MOST_REPORTED:
             lines.append(f"  ... and {len(ordered) - MOST_REPORTED} more")
-        raise SceneError(f"{len(ordered)} problems in the scene:\n" + "\n".join(lines))
+        raise SceneError(f"{len(ordered)} problems in the {self._subject}:\n" + "\n".join(lines))
 
 
 def listed(names: list[str], most: int = 40) -> str:

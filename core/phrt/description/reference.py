@@ -13,6 +13,7 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from phrt.description.fields import BudgetText
 from phrt.description.prims import (
     PRIM_TYPES,
     Animation,
@@ -28,6 +29,7 @@ from phrt.description.prims import (
     SphereLightPrim,
     Split,
     Texture,
+    TrackKey,
     Xform,
 )
 
@@ -38,6 +40,7 @@ PARTS: dict[str, tuple[type[BaseModel], ...]] = {
     "Material": (Texture,),
     "Camera": (LookAt, CameraPath, CameraKey),
     "SphereLight": (Cone,),
+    "RenderSettings": (TrackKey,),
 }
 """Mappings inside prims, shown after the prim that has them."""
 
@@ -48,7 +51,7 @@ TITLES = {
     Split: "split",
     Texture: "*_texture",
 }
-TITLES |= {LookAt: "look_at", CameraPath: "path", CameraKey: "path.keys[]", Cone: "cone"}
+TITLES |= {LookAt: "look_at", CameraPath: "path", CameraKey: "path.keys[]", Cone: "cone", TrackKey: "track[]"}
 assert {MeshPrim, MaterialPrim, CameraPrim, SphereLightPrim} <= set(PRIM_TYPES.values())
 
 
@@ -86,6 +89,8 @@ def _words(annotation: Any) -> str:
     origin, arguments = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         limits = _limits(arguments[1:])
+        if annotation is BudgetText:
+            return "budget"
         if any(type(extra).__name__ == "WithJsonSchema" for extra in arguments[1:]):
             plain = _words(arguments[0])
             return f"number, or {plain}"

@@ -50,6 +50,11 @@ class RayEffect(ABC):
     """G-buffer channels it needs."""
     writes: LayerSpec
 
+    @property
+    def switch(self) -> str:
+        """The name that objects switch it by (`effects: {shadows: always}`)."""
+        return self.name
+
     @abstractmethod
     def applies_to(self, world: World) -> np.ndarray:
         """(materials,) bool: does tracing this effect change anything on surfaces of that material?"""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
@@ -12,7 +13,10 @@ if TYPE_CHECKING:
     from phrt.world import World
 
 BudgetUnit = Literal["none", "rays", "ms"]
-"""What a budget counts: nothing, rays, or milliseconds of wall-clock time."""
+"""What a budget counts: nothing, rays, or milliseconds of the renderer's clock."""
+
+NEVER_TRACED = 2**30
+"""`Candidates.frames_since_traced` of an item that never was."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +27,10 @@ class Candidates:
     effect            : (n,) int32, index into `effect_names`
     pixel_count       : (n,) int32, visible pixels the effect applies to
     mandatory         : (n,) bool, the scene says "always"
-    predicted_cost    : (n,) float32, what tracing the whole item is predicted to take, in the budget's unit (rays); >= 1
+    predicted_cost    : (n,) float32, what tracing the whole item is predicted to take, in the budget's unit, by the renderer's
+                        cost model; above 0, whole numbers where rays are counted
+    predicted_rays    : (n,) float32, rays, by what was measured for this object and effect; >= 1
+    predicted_ms_paper, predicted_ms_measured: (n,) float32, milliseconds, by both cost models (phrt.costs)
 
     The paper's letters (phrt.relevance has the equations):
     ray_estimate      : (n,) float32, Q, expected rays per pixel, estimated before the run
@@ -36,6 +43,16 @@ class Candidates:
     was_selected      : (n,) bool, S, traced in the previous frame
     relevance         : (n,) float32, R = (S I + V) K
     persistence       : I, the same for all: how much having been selected counts
+
+    What earlier frames taught, by object and effect (phrt.experience, phrt.history):
+    history_share     : (n,) float32, 0 to 1, share of the item's pixels where a valid value of an earlier frame stands in
+    history_age       : (n,) float32, frames since those values were traced, on average; 0 where there are none
+    seen_frames       : (n,) int32, in how many earlier frames it was a candidate
+    frames_since_traced: (n,) int32, 1 when traced, at least in part, in the previous frame; NEVER_TRACED if never
+    measured_change   : (n,) float32, what tracing changes at a pixel against the effect's fallback, in the tone-mapped picture
+                        (0 to 1), on average; NaN where it was never measured
+    measured_drift    : (n,) float32, the same against the history value, per frame of its age; NaN where never measured
+    measured_ms_per_pixel: (n,) float32, milliseconds; NaN where never measured
     """
 
     effect_names: tuple[str, ...]
@@ -54,6 +71,16 @@ class Candidates:
     was_selected: np.ndarray
     relevance: np.ndarray
     persistence: float
+    predicted_rays: np.ndarray
+    predicted_ms_paper: np.ndarray
+    predicted_ms_measured: np.ndarray
+    history_share: np.ndarray
+    history_age: np.ndarray
+    seen_frames: np.ndarray
+    frames_since_traced: np.ndarray
+    measured_change: np.ndarray
+    measured_drift: np.ndarray
+    measured_ms_per_pixel: np.ndarray
 
     def __len__(self) -> int:
         return len(self.object_id)
@@ -73,9 +100,13 @@ class FrameContext:
 
     time        : seconds of the scene's animation
     budget      : what tracing may take in this call sequence, in `budget_unit`; +inf without one
-    budget_unit : "ms" of wall-clock time, "rays", or "none"
+    budget_unit : "ms" of the ray phase, "rays", or "none"
     sample      : sub-pixel sample of the frame, 0 to samples - 1; each has its own G-buffer, candidates and call sequence
     samples     : sub-pixel samples of the frame, `aa` of the renderer
+    situation   : which values of the importance maps K was made of
+    attention   : factor by tag: what the user is looking for; it is in K already
+    view_speed  : how fast the picture moves, picture widths a second
+    history     : do values of earlier frames stand in where nothing is traced?
     parameters  : external parameters by name, what a host program wants a heuristic to know
     """
 
@@ -86,12 +117,17 @@ class FrameContext:
     budget_unit: BudgetUnit = "none"
     sample: int = 0
     samples: int = 1
-    parameters: dict[str, object] = field(default_factory=dict)
+    situation: str = "default"
+    attention: Mapping[str, float] = field(default_factory=dict)
+    view_speed: float = 0.0
+    history: bool = False
+    parameters: Mapping[str, object] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What tracing an item really took: pixels traced, rays, milliseconds; `complete` when no pixel is left."""
+    """What tracing an item really took: pixels traced, rays, milliseconds; `complete` when no pixel is left. Rays and
+    milliseconds of small items are their share of what items of the effect took together."""
 
     pixels: int
     rays: int
@@ -109,22 +145,28 @@ class Request:
 
     One pass is a coarser effect: gaps between traced pixels are filled from their neighbours of the same object. The same
     item may be asked for again while passes are left (levels of detail, Funkhouser and Sequin 1993).
+    pixels: at most so many of them, 1 or more; None for all.
     """
 
     item: int
     passes: int = PASSES
+    pixels: int | None = None
 
 
 class Heuristic(ABC):
     """Contract: one call sequence per sub-pixel sample of a frame (one per frame unless antialiased), from one thread:
-    `begin_frame`, then `next` and `report` in any interleaving (an item may be reported after later ones were asked for),
-    then `end_frame`. What is kept from one sequence to the next must allow for candidates that come and go.
+    `begin_frame`, then `take` or `next`, and `report`, in any interleaving (an item may be reported after later ones were
+    asked for), then `end_frame`. What is kept from one sequence to the next must allow for candidates that come and go.
 
     Mandatory items come first. No item comes twice, none whose `predicted_cost` is more than what remains; what nevertheless
     does is not traced. Decisions may depend on the candidates' values and `keys`, but not on their order.
 
-    An exception, or an answer that is no item of the frame, ends the frame with a PluginError that names the heuristic.
+    A heuristic that raises, or whose answer is no item of the frame, is switched off for the run with one warning that names
+    it; what is not traced by then takes the fallbacks.
     """
+
+    wants_change: bool = False
+    """Does it look at `measured_change` and `measured_drift`? They are measured only then, as it takes time."""
 
     @abstractmethod
     def begin_frame(self, candidates: Candidates, context: FrameContext) -> None:
@@ -139,8 +181,17 @@ class Heuristic(ABC):
         not reported yet; +inf without a budget. It rises again when items took less than predicted.
         """
 
+    def take(self, remaining: float, enough: float) -> np.ndarray | None:
+        """Many items at once, for heuristics that can say so without a loop in Python: (k,) int32 items, or (k, 2) int32
+        items and passes, in order, none twice in one answer; empty when nothing should follow. Those before the last one
+        are predicted to cost less than `enough` together, all of them no more than `remaining`.
+
+        None, the default, stands for "ask `next`".
+        """
+        return None
+
     def report(self, item: int, outcome: Outcome) -> None:
-        """Item `item` was traced, at this price."""
+        """Item `item` was traced, at least in part; this is what is known of it by now."""
         return
 
     def end_frame(self) -> None:

@@ -36,17 +36,17 @@ def scatter(pixels, values, traced, code, layer, mask):
 
 
 @kernel
-def fill_gaps(pixels, object_id, mask, width, height, traced_code, filled_code, layer):
+def fill_gaps(pixels, object_id, mask, width, height, traced_code, history_code, filled_code, layer):
     """Pixels of partly traced items take the mean of the nearest traced pixels of their object, in growing rings up to 2.
 
-    pixels (n,) are the item's; those whose mask is not `traced_code` and that find a neighbour get `filled_code`.
-    Returns how many found none. A partial item is a coarser effect, not stripes.
+    pixels (n,) are the item's; those whose mask is neither `traced_code` nor `history_code` and that find a neighbour get
+    `filled_code`. Returns how many found none. A partial item is a coarser effect, not stripes.
     """
     missing = 0
     components = layer.shape[1]
     for i in range(len(pixels)):
         row = pixels[i]
-        if mask[row] == traced_code:
+        if mask[row] == traced_code or mask[row] == history_code:
             continue
         x, y = row % width, row // width
         found = 0
@@ -112,17 +112,39 @@ def sort_by_object(order, object_id, material_id, applies, allowed, start, pixel
 
 
 @kernel
-def interleaved(pixels, width, first, last, out):
-    """Pixels of the interleaved passes first..last - 1: one place of each 2x2 block in each pass, opposite corners first.
+def interleave_units(pixels, first, count, width, out, ends):
+    """Every unit's pixels by interleaved passes, one place of each 2x2 block in each, opposite corners first; in a pass they
+    stay in order.
 
-    pixels (n,) int32 flat indices; out (n,) int32. Returns how many were written.
+    pixels (p,) int32 flat indices; unit u owns rows first[u] to first[u] + count[u] - 1 of it and of out (p,) int32.
+    ends (u, 4) int64 get how many pixels the first one, two, three and four passes have.
     """
-    count = 0
-    for i in range(len(pixels)):
-        x, y = pixels[i] % width, pixels[i] // width
-        right, down = x & 1, y & 1
-        number = down if right == down else 2 + down  # (0, 0), (1, 1), (1, 0), (0, 1) are passes 0 to 3
-        if first <= number < last:
-            out[count] = pixels[i]
-            count += 1
-    return count
+    place = np.empty(4, np.int64)
+    for u in range(len(first)):
+        begin, end = first[u], first[u] + count[u]
+        place[:] = 0
+        for turn in range(2):
+            for i in range(begin, end):
+                right, down = pixels[i] % width & 1, pixels[i] // width & 1
+                # (0, 0), (1, 1), (1, 0), (0, 1) are passes 0 to 3.
+                number = down if right == down else 2 + down
+                if turn == 1:
+                    out[place[number]] = pixels[i]
+                place[number] += 1
+            if turn == 0:
+                next_place = begin
+                for k in range(4):
+                    size = place[k]
+                    place[k] = next_place
+                    next_place += size
+                    ends[u, k] = next_place - begin
+
+
+@kernel
+def gather_ranges(source, start, stop, out):
+    """out = source[start[0]:stop[0]], source[start[1]:stop[1]], ... one after the other."""
+    place = 0
+    for k in range(len(start)):
+        for i in range(start[k], stop[k]):
+            out[place] = source[i]
+            place += 1

@@ -51,6 +51,7 @@ class Shadows(RayEffect):
             frame.direct,
             self._options.samples,
             coherent=self._options.samples <= 1,
+            only_light=frame.only_light,
         )
         return EffectResult(values, rays)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phrt.kernels.layers import fill_gaps, interleaved, mark_targets, scatter, sort_by_object
+from phrt.kernels.layers import fill_gaps, gather_ranges, interleave_units, mark_targets, scatter, sort_by_object
 from phrt.kernels.primary import tile_order
 
 WIDTH, HEIGHT = 37, 23
@@ -61,7 +61,7 @@ def test_gaps_take_the_mean_of_the_nearest_traced_neighbours_of_their_object(den
     before = layer.copy()
     filled, missing = fill_twin(pixels, ids, mask, before)
     traced = mask == 2
-    assert fill_gaps(pixels, ids, mask, WIDTH, HEIGHT, 2, 3, layer) == len(missing)
+    assert fill_gaps(pixels, ids, mask, WIDTH, HEIGHT, 2, 4, 3, layer) == len(missing)
     assert filled
     for row, value in filled.items():
         np.testing.assert_allclose(layer[row], value, rtol=1e-5)
@@ -91,11 +91,28 @@ def test_mark_targets_starts_paths_at_the_eyes_distance(is_point: bool) -> None:
     np.testing.assert_allclose(path, expected, rtol=1e-5)
 
 
+def test_gaps_that_hold_an_earlier_value_keep_it() -> None:
+    layer, mask = np.zeros((4, 1), np.float32), np.array([2, 4, 0, 2], np.uint8)
+    layer[:, 0] = [1, 7, 0, 3]
+    fill_gaps(np.arange(4, dtype=np.int32), np.ones(4, np.uint32), mask, 4, 1, 2, 4, 3, layer)
+    assert layer[:, 0].tolist() == [1, 7, 3, 3]
+    assert mask.tolist() == [2, 4, 3, 2]
+
+
 def test_interleaved_passes_take_the_corners_of_each_block_in_turn() -> None:
-    pixels = tile_order(WIDTH, HEIGHT)[100:700]
+    pixels = tile_order(WIDTH, HEIGHT)[:700]
+    first, count = np.array([400, 0, 100], np.int64), np.array([300, 100, 300], np.int32)
+    out, ends = np.empty_like(pixels), np.zeros((3, 4), np.int64)
+    interleave_units(pixels, first, count, WIDTH, out, ends)
     corner = {(0, 0): 0, (1, 1): 1, (0, 1): 2, (1, 0): 3}
     number = np.array([corner[(y % 2, x % 2)] for y, x in zip(*np.divmod(pixels, WIDTH), strict=True)])
-    for first, last in ((0, 1), (1, 2), (2, 4), (0, 4)):
-        out = np.empty(len(pixels), np.int32)
-        count = interleaved(pixels, WIDTH, first, last, out)
-        np.testing.assert_array_equal(out[:count], pixels[(number >= first) & (number < last)])
+    for unit, (begin, size) in enumerate(zip(first, count, strict=True)):
+        own = slice(begin, begin + size)
+        assert ends[unit].tolist() == np.cumsum(np.bincount(number[own], minlength=4)).tolist()
+        np.testing.assert_array_equal(out[own], pixels[own][np.argsort(number[own], kind="stable")])
+
+
+def test_ranges_are_gathered_in_order() -> None:
+    out = np.empty(6, np.int32)
+    gather_ranges(np.arange(20, dtype=np.int32), np.array([8, 0, 5]), np.array([10, 3, 6]), out)
+    assert out.tolist() == [8, 9, 0, 1, 2, 5]

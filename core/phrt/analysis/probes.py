@@ -1,0 +1,149 @@
+"""Probes: small frames along the scene's camera path, with everything traced and with one effect at a time left out.
+
+Two frames that differ in one effect show what it changes, pixel by pixel, in the picture that people see: after the tone map.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from phrt.frame import FrameResult
+from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic
+from phrt.output.tonemap import to_8bit
+from phrt.renderer import Renderer
+from phrt.scene import Scene
+
+EVERYTHING = "1000000000000rays"
+"""A budget that is never spent: with a budget every item is traced and counted by itself."""
+
+
+class LeaveOut(Heuristic):
+    """Traces everything but the effects in `left_out`, mandatory or not."""
+
+    def __init__(self) -> None:
+        self.left_out: frozenset[str] = frozenset()
+        self._items: list[int] = []
+
+    def begin_frame(self, candidates: Candidates, context: FrameContext) -> None:
+        out = [name in self.left_out for name in candidates.effect_names]
+        kept = ~np.array(out, bool)[candidates.effect]
+        self._items = np.flatnonzero(kept)[::-1].tolist()
+
+    def next(self, remaining: float) -> int | None:
+        return self._items.pop() if self._items else None
+
+
+@dataclass
+class Findings:
+    """What the probes of one situation found; N objects, row or column 0 the background; E effects.
+
+    frames      : probes so far
+    seen        : (N + 1,) int64, probes that show the object
+    pixels      : (N + 1,) float64, its visible pixels, summed over probes
+    area        : (N + 1,) float64, A summed over probes; visibility: V likewise
+    total_change: (N + 1,) float64, sum over its pixels of what all effects together change, 0 to 1 a pixel
+    effect_pixels, change, peak, rays, traced: (N + 1, E) float64: pixels the effect applies to, sum and maximum of
+      what it changes at one, rays, and pixels they were traced at
+    coefficients: by effect, ms_per_item and ms_per_ray
+    """
+
+    effect_names: tuple[str, ...]
+    frames: int
+    seen: np.ndarray
+    pixels: np.ndarray
+    area: np.ndarray
+    visibility: np.ndarray
+    total_change: np.ndarray
+    effect_pixels: np.ndarray
+    change: np.ndarray
+    peak: np.ndarray
+    rays: np.ndarray
+    traced: np.ndarray
+    coefficients: dict[str, dict[str, float]] = field(default_factory=dict)
+
+    @classmethod
+    def nothing(cls, objects: int, effect_names: tuple[str, ...]) -> Findings:
+        def one() -> np.ndarray:
+            return np.zeros(objects + 1)
+
+        def each() -> np.ndarray:
+            return np.zeros((objects + 1, len(effect_names)))
+
+        return cls(
+            effect_names, 0, np.zeros(objects + 1, np.int64), one(), one(), one(), one(), each(), each(), each(),
+            each(), each(),
+        )  # fmt: skip
+
+
+def probe_times(scene: Scene, frames: int) -> list[tuple[int, float]]:
+    """(frame number, seconds) of at most `frames` of the scene's frames, spread evenly, each at the middle of its share."""
+    count = min(frames, scene.settings.frames)
+    numbers = [math.floor((k + 0.5) * scene.settings.frames / count) for k in range(count)]
+    return [(number, number / scene.settings.fps) for number in numbers]
+
+
+def probe(
+    scene: Scene,
+    size: tuple[int, int],
+    frames: int,
+    tone_map: str,
+    *,
+    camera: int | str = 0,
+    threads: int | None = None,
+    done: Callable[[], None] = lambda: None,
+) -> Findings:
+    """What `frames` probes of `scene` at `size` (width, height) find; `done` is called after each."""
+    heuristic = LeaveOut()
+    with Renderer(scene, size=size, heuristic=heuristic, threads=threads) as renderer:
+        findings = Findings.nothing(len(scene.objects), tuple(effect.name for effect in renderer.effects))
+        for number, time in probe_times(scene, frames):
+
+            def picture(left_out: frozenset[str], budget: str, number: int = number, time: float = time) -> FrameResult:
+                heuristic.left_out = left_out
+                renderer.control(budget=budget)
+                return renderer.render(time, frame_index=number, camera=camera)
+
+            whole = picture(frozenset(), EVERYTHING)
+            seen = whole.gbuffer.object_id.ravel()
+            shown = _shown(whole, tone_map)
+            for column, name in enumerate(findings.effect_names):
+                without = _shown(picture(frozenset([name]), "none"), tone_map)
+                _add_change(findings, column, seen, np.abs(shown - without).mean(axis=1))
+            bare = _shown(picture(frozenset(findings.effect_names), "none"), tone_map)
+            _add_sight(findings, whole, seen, np.abs(shown - bare).mean(axis=1))
+            done()
+    return findings
+
+
+def _shown(frame: FrameResult, tone_map: str) -> np.ndarray:
+    """(P, 3) float32, the picture as it is shown, 0 to 1."""
+    return to_8bit(frame.image, tone_map).reshape(-1, 3).astype(np.float32) / np.float32(255)
+
+
+def _add_change(findings: Findings, column: int, seen: np.ndarray, changed: np.ndarray) -> None:
+    """What an effect changes (P,) at pixels that show objects `seen` (P,)."""
+    findings.change[:, column] += np.bincount(seen, weights=changed, minlength=len(findings.seen))
+    np.maximum.at(findings.peak[:, column], seen, changed)
+
+
+def _add_sight(findings: Findings, frame: FrameResult, seen: np.ndarray, changed: np.ndarray) -> None:
+    """How much of the objects was seen, what all effects together change (P,), and what that took."""
+    count = np.bincount(seen, minlength=len(findings.seen))
+    count[0] = 0
+    findings.frames += 1
+    findings.seen += count > 0
+    findings.pixels += count
+    findings.area += count / len(seen)
+    findings.total_change += np.bincount(seen, weights=changed, minlength=len(findings.seen))
+    work, decisions = frame.decisions.candidates, frame.decisions
+    where = work.object_id, work.effect
+    findings.effect_pixels[where] += work.pixel_count
+    findings.rays[where] += decisions.rays
+    findings.traced[where] += decisions.traced_pixels
+    visibility = np.zeros(len(findings.seen))
+    visibility[work.object_id] = work.visibility
+    findings.visibility += visibility

@@ -1,0 +1,127 @@
+"""What a run was made with: the resolved configuration, versions, and the machine."""
+
+from __future__ import annotations
+
+import os
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pydantic import BaseModel
+
+from phrt.budget import Budget
+from phrt.interfaces.effect import RayEffect
+from phrt.interfaces.heuristic import Heuristic
+from phrt.registry import get_registry
+from phrt.workers import usable_cores
+
+if TYPE_CHECKING:
+    from phrt.renderer import Renderer
+
+PACKAGES = ("phrt", "numpy", "numba", "llvmlite", "embreex", "open3d", "moderngl", "pydantic", "pyarrow", "av")
+
+
+def resolved_config(renderer: Renderer) -> dict[str, Any]:
+    """Everything about `renderer` that decides what its frames are, defaults filled in."""
+    config: dict[str, Any] = {"scene": scene_config(renderer), "size": list(renderer.size)}
+    config["heuristic"] = heuristic_config(renderer.heuristic)
+    # An effect that is chosen light by light is there once per light, with the same options.
+    config["effects"] = {base(e.name): {"layer": base(e.writes.name), **options_of(e)} for e in renderer.effects}
+    config["tracer"] = {"name": renderer.tracer_name, "description": renderer.tracer.capabilities.description}
+    config["gbuffer"] = {"name": renderer.gbuffer_name}
+    config["threads"] = renderer.workers.threads
+    config["clock"] = type(getattr(renderer, "clock", None)).__name__
+    # What else it holds in public: aa, budget, persistence, cost model, reserve, ...
+    for name, value in vars(renderer).items():
+        if not name.startswith("_") and name not in config and isinstance(value, (bool, int, float, str, Budget)):
+            config[name] = value
+    return config
+
+
+def scene_config(renderer: Renderer) -> dict[str, Any]:
+    """Which scene, in which situation, and its objects: number 1 first, with the effects that apply to each."""
+    scene, world = renderer.scene, renderer.world
+    applies = {base(effect.name): world.object_has(effect.applies_to(world)) for effect in renderer.effects}
+    objects = [
+        {
+            "path": entry.path,
+            "effects": dict(entry.effects),
+            "applies": [name for name, mask in applies.items() if mask[number]],
+            "importance": dict(entry.importance),
+            "tags": list(entry.tags),
+        }
+        for number, entry in enumerate(scene.objects, start=1)
+    ]
+    return {
+        "name": scene.name,
+        "source": None if scene.source is None else str(scene.source),
+        "situation": scene.situation,
+        "fps": scene.settings.fps,
+        "exposure": scene.settings.exposure,
+        "lights": [light.path for light in scene.lights],
+        "objects": objects,
+    }
+
+
+def heuristic_config(heuristic: Heuristic) -> dict[str, Any]:
+    """Its plugin's name (None for one that is no plugin), class and options."""
+    home = f"{type(heuristic).__module__}:{type(heuristic).__qualname__}"
+    named = [entry.name for entry in get_registry().plugins("heuristic") if entry.plugin.factory == home]
+    return {"name": named[0] if named else None, "class": home, "options": options_of(heuristic)}
+
+
+def options_of(plugin: object) -> dict[str, Any]:
+    """The options that a plugin was made with, as it keeps them: an attribute that is a pydantic model, its own or that of the
+    effect it stands for."""
+    for value in vars(plugin).values() if hasattr(plugin, "__dict__") else ():
+        if isinstance(value, BaseModel):
+            return value.model_dump(mode="json")
+        if isinstance(value, RayEffect):
+            return options_of(value)
+    return {}
+
+
+def base(name: str) -> str:
+    """ "shadows" of "shadows@/Lights/West"."""
+    return name.partition("@")[0]
+
+
+def heuristic_name(heuristic: Heuristic) -> str:
+    """As the command line calls it, else its class."""
+    found = heuristic_config(heuristic)
+    return str(found["name"] or type(heuristic).__name__)
+
+
+def versions() -> dict[str, str | None]:
+    """Of Python and of the packages that a picture depends on; None where one is not installed."""
+    found: dict[str, str | None] = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = None
+    return found
+
+
+def machine() -> dict[str, Any]:
+    """Processor, cores that may be used, memory, system."""
+    return {"cpu": cpu_model(), "cores": usable_cores(), "memory_gb": memory_gb(), "system": platform.platform()}
+
+
+def cpu_model() -> str:
+    """The processor's name, as far as the system tells."""
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.exists():
+        for line in cpuinfo.read_text(encoding="utf-8", errors="replace").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def memory_gb() -> float | None:
+    """Physical memory in GB; None where the system does not tell."""
+    try:
+        return round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9, 1)
+    except (AttributeError, OSError, ValueError):
+        return None

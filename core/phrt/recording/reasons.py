@@ -1,0 +1,291 @@
+"""Why an item was traced or not, in a sentence, from what a run recorded."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from phrt.errors import OptionError, did_you_mean
+from phrt.recording.run import Run, spans
+
+Items = dict[str, np.ndarray]
+"""Rows of one frame's candidates, arrays (n,) by column."""
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """effect: of the item; sentence: why; item: its row of `Items`, None where the object had no such item in the frame."""
+
+    effect: str
+    sentence: str
+    item: int | None
+
+
+def find_object(run: Run, given: str) -> str:
+    """The path of the recorded object that `given` names: its path, or the end of it, upper or lower case, if that is unique.
+
+    Raises OptionError with what is near.
+    """
+    paths = [str(entry["path"]) for entry in run.config["scene"]["objects"]]
+    if given in paths:
+        return given
+    ending = "/" + given.strip("/").lower()
+    found = [path for path in paths if path.lower().endswith(ending)]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise OptionError(f"'{given}' is ambiguous: {some(found)}")
+    parts = {path.rpartition("/")[2].lower(): path for path in paths}
+    # A name without its folders is compared with names, a path with paths.
+    near = did_you_mean(given.lower(), list(parts)) if "/" not in given else did_you_mean(given, paths)
+    raise OptionError(f"'{run.folder}' has no object '{given}'. It has {some(paths)}.{near}")
+
+
+def some(names: list[str], most: int = 8) -> str:
+    """The first names of a list, as text."""
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
+def frame_items(run: Run, frame: int) -> Items:
+    """The items of a frame, of its last sub-pixel sample. Raises OptionError for a frame that was not recorded."""
+    items = run.items(frame)
+    if not items or not len(items["sample"]):
+        return items
+    last = items["sample"] == items["sample"].max()
+    return {name: values[last] for name, values in items.items()}
+
+
+def explain_object(run: Run, frame: int, path: str, effect: str | None = None) -> list[Explanation]:
+    """One explanation per effect of object `path` in `frame`. Raises OptionError for an unknown frame or effect."""
+    row, items = run.frame(frame), frame_items(run, frame)
+    mine = np.flatnonzero(items["object"] == path) if items else np.zeros(0, np.int64)
+    effects = list(dict.fromkeys([*(items["effect"][mine] if len(mine) else ()), *known_effects(run, items)]))
+    if effect is not None:
+        wanted = [name for name in effects if effect in (name, name.partition("@")[0])]
+        if not wanted:
+            known = sorted(effects)
+            raise OptionError(
+                f"'{run.folder}' has no effect '{effect}': {', '.join(known)}.{did_you_mean(effect, known)}"
+            )
+        effects = wanted
+    found = []
+    for name in effects:
+        place = next((int(item) for item in mine if items["effect"][item] == name), None)
+        why = absent(run, row, path, name, len(mine) > 0) if place is None else sentence(run, row, items, place)
+        found.append(Explanation(name, why, place))
+    return found
+
+
+def known_effects(run: Run, items: Items) -> list[str]:
+    """The effects that items were made of in the frame; of the run where it had none."""
+    seen = sorted(set(items["effect"].tolist())) if items else []
+    recorded = list(run.config["effects"])
+    return [*seen, *(name for name in recorded if not any(name == s.partition("@")[0] or s == "all" for s in seen))]
+
+
+def subject(effect: str, path: str) -> str:
+    """An item in words."""
+    kind, _, light = effect.partition("@")
+    kind = "all effects" if kind == "all" else kind.replace("_", " ")
+    return f"{kind} of {path}" + (f" by the light {light}" if light else "")
+
+
+def absent(run: Run, row: dict[str, Any], path: str, effect: str, visible: bool) -> str:
+    """Why an object had no such item in a frame."""
+    entry = next(entry for entry in run.config["scene"]["objects"] if entry["path"] == path)
+    what, kind = f"{subject(effect, path)} were not traced in frame {row['frame']}", effect.partition("@")[0]
+    if entry["effects"].get(kind) == "never":
+        return f"{what}: the scene forbids them (effects: {kind}: never)."
+    if kind != "all" and kind not in entry["applies"]:
+        return f"{what}: the effect changes nothing on the object's materials."
+    if visible:
+        return f"{what}: none of the pixels that the effect applies to is visible in this frame."
+    return f"{what}: the object is not visible in this frame."
+
+
+def sentence(run: Run, row: dict[str, Any], items: Items, item: int) -> str:
+    """Why row `item` of `items` was traced, or not, in the frame of `row`."""
+    what = f"{subject(str(items['effect'][item]), str(items['object'][item]))}"
+    where = f"in frame {row['frame']}"
+    match str(items["reason"][item]):
+        case "selected":
+            why = f"{what} were traced whole {where}: {how_it_came(row, items, item)}; {took(items, item, row)}."
+        case "reduced":
+            why = (
+                f"{what} were traced at {share(items, item)} of their pixels {where}: {row['heuristic']} asked for no more; "
+                f"{how_it_came(row, items, item)}; {took(items, item, row)}."
+            )
+        case "cut":
+            why = (
+                f"{what} were cut after {share(items, item)} {where} because {ran_out(row)}: {how_it_came(row, items, item)}; "
+                f"{took(items, item, row)}."
+            )
+        case "no_fit":
+            left = amount(left_before(row, items, item), row["budget_unit"])
+            why = (
+                f"{what} were not traced {where}: they asked for {cost(items, item, row)} and about {left} were left; "
+                f"{came_first(items, item)}."
+            )
+        case "no_time":
+            why = (
+                f"{what} were not traced {where}: they were asked for as number {items['order'][item] + 1}, but {ran_out(row)} "
+                f"before their turn; {came_first(items, item)}."
+            )
+        case "effect_off":
+            told = error_of(run, str(items["effect"][item]).partition("@")[0])
+            why = f"{what} were not traced {where}: the effect was switched off after an error{told}."
+        case _:
+            why = f"{what} were not traced {where}: {not_asked(row, items, item)}."
+    return why + stands_in(items, item)
+
+
+def not_asked(row: dict[str, Any], items: Items, item: int) -> str:
+    """Why a heuristic did not name an item."""
+    who, unit = row["heuristic"], row["budget_unit"]
+    if unit != "none" and not row["budget"] > 0:
+        return f"nothing of the budget of {row['frame_budget']} was left for rays; {came_first(items, item)}"
+    if not (items["order"] >= 0).any():
+        return f"{who} asked for nothing in this frame"
+    if unit == "none":
+        return f"{who} did not ask for them; there was no budget to keep"
+    predicted, left = float(items["predicted_cost"][item]), float(row["left"])
+    if predicted > left:
+        return (
+            f"they are behind the budget: they are predicted to take {amount(predicted, unit)}, of {amount(row['budget'], unit)} "
+            f"{amount(left, unit)} were left in the end, and {who} did not ask for them; {came_first(items, item)}"
+        )
+    return (
+        f"{who} did not ask for them, although {amount(predicted, unit)} would have fitted into the {amount(left, unit)} "
+        f"that were left in the end; {came_first(items, item)}"
+    )
+
+
+def how_it_came(row: dict[str, Any], items: Items, item: int) -> str:
+    """Which place it had, and why."""
+    asked = int((items["order"] >= 0).sum())
+    place = f"number {items['order'][item] + 1} of {asked} that {row['heuristic']} asked for"
+    if items["mandatory"][item]:
+        return f"they are mandatory (effects: always), {place}"
+    return f"{place}, with relevance number {rank(items['relevance'], item) or 1} of {len(items['relevance'])}"
+
+
+def came_first(items: Items, item: int) -> str:
+    """How many items were traced instead, and how many of them were more relevant."""
+    traced = items["chosen"].astype(bool)
+    if items["order"][item] >= 0:
+        traced = traced & (items["order"] < items["order"][item])
+    more = int((traced & (items["relevance"] > items["relevance"][item])).sum())
+    count = int(traced.sum())
+    if count == 0:
+        return "no item was traced before"
+    return f"{count} item{'s' if count > 1 else ''} came first, {more} of them with higher relevance"
+
+
+def left_before(row: dict[str, Any], items: Items, item: int) -> float:
+    """About what was left of the budget when an item was asked for: less what those before it took."""
+    before = items["chosen"].astype(bool) & (items["order"] < items["order"][item])
+    spent = items["rays"] if row["budget_unit"] == "rays" else items["milliseconds"]
+    return max(float(row["budget"]) - float(spent[before].sum()), 0.0)
+
+
+def stands_in(items: Items, item: int) -> str:
+    """What is seen instead, where it is of an earlier frame."""
+    kept = float(items["history_share"][item])
+    if items["reason"][item] == "selected" or not kept > 0:
+        return ""
+    age = f"{items['history_age'][item]:.1f} frames old on average"
+    return f" Values of earlier frames, {age}, stood in at {kept:.0%} of the pixels.".replace("%", " %")
+
+
+def error_of(run: Run, effect: str) -> str:
+    """What was warned of when the effect failed, as the tail of a sentence."""
+    for warned in run.frames.column("warnings").to_pylist():
+        for text in warned or ():
+            if text.startswith(f"effect '{effect}' failed"):
+                return f" ({text})"
+    return ""
+
+
+def ran_out(row: dict[str, Any]) -> str:
+    return "the rays were used up" if row["budget_unit"] == "rays" else "time ran out"
+
+
+def share(items: Items, item: int) -> str:
+    """How much of an item was traced."""
+    return f"{items['traced_pixels'][item] / max(items['pixel_count'][item], 1):.0%}".replace("%", " %")
+
+
+def took(items: Items, item: int, row: dict[str, Any]) -> str:
+    """Predicted and actual price."""
+    rays, spent = int(items["rays"][item]), float(items["milliseconds"][item])
+    return f"predicted {cost(items, item, row)}, took {amount(spent, 'ms')} and {amount(rays, 'rays')}"
+
+
+def cost(items: Items, item: int, row: dict[str, Any]) -> str:
+    """The predicted price in the budget's unit; in rays where there is none."""
+    if row["budget_unit"] == "none":
+        return amount(float(items["predicted_rays"][item]), "rays")
+    return amount(float(items["predicted_cost"][item]), row["budget_unit"])
+
+
+def amount(value: float, unit: str) -> str:
+    """A number with its unit: "5.1 ms", "12,300 rays"."""
+    if unit == "ms":
+        return f"{value:.1f} ms" if value >= 0.95 else f"{value:.2g} ms"
+    return f"{value:,.0f} rays"
+
+
+def rank(values: np.ndarray, item: int) -> int | None:
+    """The place of an item when the largest comes first; None where its value is NaN, and where all are equal."""
+    value = float(values[item])
+    return None if math.isnan(value) or bool((values == value).all()) else 1 + int((values > value).sum())
+
+
+@dataclass(frozen=True)
+class Line:
+    """An item over time. frames: how many it was a candidate in; traced: in how many it was traced, at least in part; whole: in how
+    many whole; first, last: frames in which it was traced, None if never; runs: stretches of them as text."""
+
+    object: str
+    effect: str
+    frames: int
+    traced: int
+    whole: int
+    first: int | None
+    last: int | None
+    runs: str
+
+
+def over_time(run: Run, path: str | None = None, effect: str | None = None) -> list[Line]:
+    """How often the items of object `path` (None: of all objects) were traced in the run."""
+    columns = ("frame", "object", "effect", "traced_pixels", "pixel_count")
+    table = run.read_candidates(columns)
+    if not table.num_rows:
+        return []
+    rows = {name: np.asarray(table.column(name).to_numpy()) for name in columns}
+    kept = np.ones(table.num_rows, bool) if path is None else rows["object"] == path
+    rows = {name: values[kept] for name, values in rows.items()}
+    lines = []
+    keys = sorted(set(zip(rows["object"].tolist(), rows["effect"].tolist(), strict=True)))
+    for thing, name in keys:
+        if effect is not None and effect not in (name, name.partition("@")[0]):
+            continue
+        mine = (rows["object"] == thing) & (rows["effect"] == name)
+        frames, pixels, size = (rows[column][mine] for column in ("frame", "traced_pixels", "pixel_count"))
+        traced = np.unique(frames[pixels > 0])
+        lines.append(
+            Line(
+                thing,
+                name,
+                frames=len(np.unique(frames)),
+                traced=len(traced),
+                whole=len(np.unique(frames[pixels >= size])),
+                first=int(traced[0]) if len(traced) else None,
+                last=int(traced[-1]) if len(traced) else None,
+                runs=spans(traced),
+            )
+        )
+    return lines
