@@ -84,7 +84,14 @@ class EmbreePackets(Tracer):
         arguments = ctypes.addressof(self._arguments[rays.coherent])
         mask = kernels.OPAQUE if rays.opaque_only else kernels.SEEN
         kernels.closest_hit_packets(
-            self._committed_root(), arguments, mask, self._first_triangle, *_plain(rays), distance, primitive, barycentric
+            self._committed_root(),
+            arguments,
+            mask,
+            self._first_triangle,
+            *_plain(rays),
+            distance,
+            primitive,
+            barycentric,
         )
         return HitBatch(distance, primitive, barycentric)
 

@@ -220,7 +220,9 @@ def surface(
             at[_GX, k], at[_GY, k], at[_GZ, k] = gx * scale, gy * scale, gz * scale
 
         # Base colour and coverage.
-        if sample_block(hits, texture, uv, footprint, True, m_texels, m_textures, m_level_start, lane, taps, part, texel):
+        if sample_block(
+            hits, texture, uv, footprint, True, m_texels, m_textures, m_level_start, lane, taps, part, texel
+        ):
             for k in range(hits):
                 at[_RED, k] *= texel[0, k]
                 at[_GREEN, k] *= texel[1, k]
@@ -255,7 +257,9 @@ def surface(
         if normal_maps:
             for k in range(hits):
                 texture[k] = m_materials[ids[_MATERIAL, k]].normal_texture
-            sample_block(hits, texture, uv, footprint, False, m_texels, m_textures, m_level_start, lane, taps, part, texel)
+            sample_block(
+                hits, texture, uv, footprint, False, m_texels, m_textures, m_level_start, lane, taps, part, texel
+            )
             for i in range(hits):
                 k = np.uint32(i)
                 if texture[k] < 0:
@@ -287,26 +291,34 @@ def surface(
         if rough_maps:
             for k in range(hits):
                 texture[k] = m_materials[ids[_MATERIAL, k]].metallic_roughness_texture
-            sample_block(hits, texture, uv, footprint, False, m_texels, m_textures, m_level_start, lane, taps, part, texel)
+            sample_block(
+                hits, texture, uv, footprint, False, m_texels, m_textures, m_level_start, lane, taps, part, texel
+            )
             for k in range(hits):
                 at[_ROUGH, k] *= texel[1, k]
                 at[_METAL, k] *= texel[2, k]
         if pass_maps:
             for k in range(hits):
                 texture[k] = m_materials[ids[_MATERIAL, k]].transmission_texture
-            sample_block(hits, texture, uv, footprint, False, m_texels, m_textures, m_level_start, lane, taps, part, texel)
+            sample_block(
+                hits, texture, uv, footprint, False, m_texels, m_textures, m_level_start, lane, taps, part, texel
+            )
             for k in range(hits):
                 at[_PASSES, k] *= texel[0, k]
         if baked_maps:
             for k in range(hits):
                 texture[k] = m_materials[ids[_MATERIAL, k]].occlusion_texture
-            sample_block(hits, texture, uv, footprint, False, m_texels, m_textures, m_level_start, lane, taps, part, texel)
+            sample_block(
+                hits, texture, uv, footprint, False, m_texels, m_textures, m_level_start, lane, taps, part, texel
+            )
             for k in range(hits):
                 at[_OPEN, k] += m_materials[ids[_MATERIAL, k]].occlusion_strength * (texel[0, k] - f32(1.0))
         if glow_maps:
             for k in range(hits):
                 texture[k] = m_materials[ids[_MATERIAL, k]].emissive_texture
-            sample_block(hits, texture, uv, footprint, True, m_texels, m_textures, m_level_start, lane, taps, part, texel)
+            sample_block(
+                hits, texture, uv, footprint, True, m_texels, m_textures, m_level_start, lane, taps, part, texel
+            )
             for k in range(hits):
                 at[_ER, k] *= texel[0, k]
                 at[_EG, k] *= texel[1, k]
