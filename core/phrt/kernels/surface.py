@@ -8,15 +8,14 @@ import numpy as np
 
 from phrt.conventions import NO_PRIMITIVE
 from phrt.kernels.jit import device, kernel
-from phrt.kernels.textures import fast_log2, sample_block
+from phrt.kernels.textures import BLOCK, fast_log2, sample_block
 from phrt.materials import ALPHA_BLEND, ALPHA_MASK
 
 f32 = np.float32
 MISS = np.uint32(NO_PRIMITIVE)
 
-BLOCK = 64
-"""Hits that go through the steps together. One after the other, a hit is a chain of look-ups - triangle, corners, texture
-coordinates, texel - and the processor waits at every link; side by side, the waits of many hits overlap."""
+# Hits go through the steps BLOCK at a time. One after the other, a hit is a chain of look-ups - triangle, corners, texture
+# coordinates, texel - and the processor waits at every link; side by side, the waits of many hits overlap.
 
 # Rows of the blocks the kernel works in.
 _PX, _PY, _PZ, _GX, _GY, _GZ, _NX, _NY, _NZ, _FACING, _PATH, _WB, _WC, _RED, _GREEN, _BLUE, _ALPHA = range(17)
@@ -113,7 +112,7 @@ def surface(
     at, ids = np.empty((_ROWS, BLOCK), np.float32), np.empty((_IDS, BLOCK), np.uint32)
     uv, footprint = np.empty((4, BLOCK), np.float32), np.empty(BLOCK, np.float32)
     texture, texel = np.empty(BLOCK, np.int32), np.empty((4, BLOCK), np.float32)
-    lane, taps, part = np.empty(BLOCK, np.uint32), np.empty((4, BLOCK), np.uint64), np.empty((2, BLOCK), np.float32)
+    taps, part = np.empty(5 * BLOCK, np.uint32), np.empty(2 * BLOCK, np.float32)
     cone_at_eye, cone_spread = cone[0], cone[1]
     eye_x, eye_y, eye_z = eye[0], eye[1], eye[2]
     forward_x, forward_y, forward_z = forward[0], forward[1], forward[2]
@@ -220,9 +219,7 @@ def surface(
             at[_GX, k], at[_GY, k], at[_GZ, k] = gx * scale, gy * scale, gz * scale
 
         # Base colour and coverage.
-        if sample_block(
-            hits, texture, uv, footprint, True, m_texels, m_textures, m_level_start, lane, taps, part, texel
-        ):
+        if sample_block(hits, texture, uv, footprint, True, m_texels, m_textures, m_level_start, taps, part, texel):
             for k in range(hits):
                 at[_RED, k] *= texel[0, k]
                 at[_GREEN, k] *= texel[1, k]
@@ -257,9 +254,7 @@ def surface(
         if normal_maps:
             for k in range(hits):
                 texture[k] = m_materials[ids[_MATERIAL, k]].normal_texture
-            sample_block(
-                hits, texture, uv, footprint, False, m_texels, m_textures, m_level_start, lane, taps, part, texel
-            )
+            sample_block(hits, texture, uv, footprint, False, m_texels, m_textures, m_level_start, taps, part, texel)
             for i in range(hits):
                 k = np.uint32(i)
                 if texture[k] < 0:
@@ -291,34 +286,26 @@ def surface(
         if rough_maps:
             for k in range(hits):
                 texture[k] = m_materials[ids[_MATERIAL, k]].metallic_roughness_texture
-            sample_block(
-                hits, texture, uv, footprint, False, m_texels, m_textures, m_level_start, lane, taps, part, texel
-            )
+            sample_block(hits, texture, uv, footprint, False, m_texels, m_textures, m_level_start, taps, part, texel)
             for k in range(hits):
                 at[_ROUGH, k] *= texel[1, k]
                 at[_METAL, k] *= texel[2, k]
         if pass_maps:
             for k in range(hits):
                 texture[k] = m_materials[ids[_MATERIAL, k]].transmission_texture
-            sample_block(
-                hits, texture, uv, footprint, False, m_texels, m_textures, m_level_start, lane, taps, part, texel
-            )
+            sample_block(hits, texture, uv, footprint, False, m_texels, m_textures, m_level_start, taps, part, texel)
             for k in range(hits):
                 at[_PASSES, k] *= texel[0, k]
         if baked_maps:
             for k in range(hits):
                 texture[k] = m_materials[ids[_MATERIAL, k]].occlusion_texture
-            sample_block(
-                hits, texture, uv, footprint, False, m_texels, m_textures, m_level_start, lane, taps, part, texel
-            )
+            sample_block(hits, texture, uv, footprint, False, m_texels, m_textures, m_level_start, taps, part, texel)
             for k in range(hits):
                 at[_OPEN, k] += m_materials[ids[_MATERIAL, k]].occlusion_strength * (texel[0, k] - f32(1.0))
         if glow_maps:
             for k in range(hits):
                 texture[k] = m_materials[ids[_MATERIAL, k]].emissive_texture
-            sample_block(
-                hits, texture, uv, footprint, True, m_texels, m_textures, m_level_start, lane, taps, part, texel
-            )
+            sample_block(hits, texture, uv, footprint, True, m_texels, m_textures, m_level_start, taps, part, texel)
             for k in range(hits):
                 at[_ER, k] *= texel[0, k]
                 at[_EG, k] *= texel[1, k]
