@@ -7,6 +7,7 @@ start: caches, kernels and what heuristics learn are then in place, and the view
 
 from __future__ import annotations
 
+import re
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -82,9 +83,12 @@ class Samples:
 
     def add(self, values: Mapping[str, float], stages: Mapping[str, float], errors: Mapping[str, np.ndarray]) -> None:
         """One frame more."""
-        for store, given in ((self.columns, values), (self.stages, stages), (self.item_errors, errors)):
-            for name, value in given.items():
-                store.setdefault(name, []).append(value)  # type: ignore[attr-defined]
+        for name, value in values.items():
+            self.columns.setdefault(name, []).append(value)
+        for stage, spent in stages.items():
+            self.stages.setdefault(stage, []).append(spent)
+        for model, found in errors.items():
+            self.item_errors.setdefault(model, []).append(found)
 
     def __getitem__(self, name: str) -> np.ndarray:
         return np.array(self.columns[name])
@@ -173,7 +177,8 @@ def prediction_errors(decisions: Decisions) -> tuple[dict[str, float], dict[str,
 
 @dataclass
 class Contest:
-    """What was found. entrants: the reference first. warnings: what renderers had to say, each once."""
+    """What was found. entrants: the reference first. warnings: what renderers had to say; of those that differ in a number
+    only the first."""
 
     rules: Rules
     budget: Budget
@@ -258,7 +263,8 @@ def hold(
                 for index, at in block:
                     entrant.render(index, at, path, counts=True)
     said = [str(entry.message) for entry in told if issubclass(entry.category, PhrtWarning)]
-    contest = Contest(rules, budget, path, entrants, list(dict.fromkeys(said)))
+    kinds = {re.sub(r"\d+", "#", text): text for text in reversed(said)}
+    contest = Contest(rules, budget, path, entrants, list(reversed(kinds.values())))
     _look(contest, threads, progress)
     return contest
 

@@ -21,6 +21,7 @@ import time
 import types
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -241,10 +242,8 @@ def measure(
     total = max(frames // lap, 1) * lap
     laps = {}
     for name, (heuristic, options) in runners_here().items():
-        step = Step(name, total)
-        laps[name] = run_laps(
-            scene, heuristic, options, budget, frames, size=size, threads=threads, advance=lambda s=step: tell(s)
-        )
+        advance = partial(tell, Step(name, total))
+        laps[name] = run_laps(scene, heuristic, options, budget, frames, size=size, threads=threads, advance=advance)
     return LongPath(scene.name, size, budget, laps)
 
 
@@ -253,7 +252,7 @@ COUNTED = ("candidates", "chosen", "moved", "kilorays", "heuristic_kb", "residen
 
 def drift(values: Sequence[float]) -> float:
     """By how much `values` (one a lap) rise over the whole run, in percent of their median: the median of the slopes between
-    all pairs (Theil 1950, Sen 1968), which single slow laps do not move. 0 for fewer than two."""
+    all pairs (Sen 1968), which single slow laps do not move. 0 for fewer than two."""
     y = np.asarray(values, np.float64)
     if len(y) < 2 or np.median(y) == 0:
         return 0.0

@@ -51,7 +51,8 @@ ALL_ROWS = tuple(range(1, 14))
 @dataclass(frozen=True)
 class Plan:
     """What to measure. places: times along the camera path; repeats: rounds over them. frames: of the path in rows 6 to 8,
-    None for all; every: the pictures among them that are compared; long: frames of row 12."""
+    None for all; every: the pictures among them that are compared; long: frames of row 12. heuristics: of rows 6 to 9,
+    none for all."""
 
     assets: Path
     wanted: Sequence[int]
@@ -62,6 +63,7 @@ class Plan:
     frames: int | None = None
     every: int = 5
     long: int = longpath.FRAMES
+    heuristics: Sequence[str] = ()
     progress: Callable[[str], None] = lambda text: None
 
     def any_of(self, group: Sequence[int]) -> list[int]:
@@ -153,7 +155,7 @@ def measure_frames(plan: Plan, report: Report) -> None:
 
 def measure_budgets(plan: Plan, report: Report) -> None:
     """Rows 6 to 8."""
-    names = budgets.in_table_order(contest.heuristics_here())
+    names = budgets.in_table_order(plan.heuristics or contest.heuristics_here())
     for number in plan.any_of(BUDGET_ROWS):
         for rules in budgets.RULES[number]:
             scene = plan.scene(rules.variant)
@@ -167,7 +169,8 @@ def measure_budgets(plan: Plan, report: Report) -> None:
 def measure_selection(plan: Plan, report: Report) -> None:
     """Row 9."""
     if plan.any_of(SELECTION_ROWS):
-        report.deciding = selection.measure(plan.repeats, threads=plan.threads, progress=plan.progress)
+        names = plan.heuristics or contest.heuristics_here()
+        report.deciding = selection.measure(names, plan.repeats, threads=plan.threads, progress=plan.progress)
         report.rows += selection.selection_rows(report.deciding)
 
 
@@ -274,6 +277,16 @@ def row_numbers(text: str) -> list[int]:
     return [names[part] for part in given]
 
 
+def heuristic_names(text: str) -> list[str]:
+    """ "gain,random" as names. Raises ArgumentTypeError for a heuristic that there is not."""
+    known = contest.heuristics_here()
+    given = [part.strip() for part in text.split(",") if part.strip()]
+    if not given or (unknown := [name for name in given if name not in known]):
+        told = ", ".join(unknown) if given else "nothing"
+        raise argparse.ArgumentTypeError(f"given {told}; heuristics are {', '.join(known)}")
+    return given
+
+
 def size_of(text: str) -> tuple[int, int]:
     """ "640x360" as (640, 360)."""
     width, _, height = text.partition("x")
@@ -301,6 +314,9 @@ def arguments_of(given: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--every", type=at_least_one, default=5, help="picture in rows 6 to 8 is compared (default 5)")
     parser.add_argument(
         "--long", type=at_least_one, default=longpath.FRAMES, help=f"frames of row 12 (default {longpath.FRAMES})"
+    )
+    parser.add_argument(
+        "--heuristics", type=heuristic_names, default=(), help="of rows 6 to 9, such as gain,random (default all)"
     )
     parser.add_argument("--size", type=size_of, default=(640, 360), help="of frames (default 640x360)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here, too")
@@ -334,7 +350,7 @@ def main(given: Sequence[str] | None = None) -> int:
         report = run_benchmarks(
             Plan(
                 arguments.assets, arguments.rows, arguments.repeats, arguments.threads, arguments.size,
-                arguments.places, arguments.frames, arguments.every, arguments.long, progress,
+                arguments.places, arguments.frames, arguments.every, arguments.long, arguments.heuristics, progress,
             )
         )  # fmt: skip
     show(report, console)

@@ -14,7 +14,6 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
-from contest import heuristics_here
 from rich.table import Table
 from rows import Row, row
 from watch import Watch
@@ -22,6 +21,7 @@ from watch import Watch
 from phrt.candidates import Units, WorkItems
 from phrt.clock import RayClock
 from phrt.costs import CostModels
+from phrt.experience import Experience
 from phrt.faults import Faults
 from phrt.frame import Decisions
 from phrt.interfaces.effect import EffectResult, LayerSpec, RayEffect
@@ -92,12 +92,12 @@ class Made:
             ends = np.cumsum(size[mine])
             first[mine] = ends - size[mine]
             pixels.append(np.arange(ends[-1] if len(ends) else 0, dtype=np.int32))
-        rays = size * np.array(RAYS)[effect]
+        rays, held = size * np.array(RAYS)[effect], rng.integers(0, size + 1).astype(np.int32)
         units = Units(
             np.arange(self.count, dtype=np.int32), object_id, effect, first, size, rays,
-            rays * NANOSECONDS_PER_RAY * 1e-6,
+            rays * NANOSECONDS_PER_RAY * 1e-6, held, held * rng.uniform(1, 20, self.count),
         )  # fmt: skip
-        return WorkItems(self._candidates(rng, units), units, pixels)
+        return WorkItems(self._candidates(rng, units), units, pixels, WIDTH)
 
     @cached_property
     def frames(self) -> list[WorkItems]:
@@ -142,11 +142,13 @@ class Made:
             predicted_rays=drawn(units.rays),
             predicted_ms_paper=drawn(units.ms * rng.uniform(0.5, 2, n)),
             predicted_ms_measured=drawn(units.ms),
-            history_share=drawn(rng.random(n)),
-            history_age=drawn(since.clip(0, 20)),
+            history_share=drawn(units.held / units.count),
+            history_age=drawn(units.age_sum / np.maximum(units.held, 1)),
             seen_frames=rng.integers(1, 100, n).astype(np.int32),
             frames_since_traced=since,
             measured_change=change,
+            measured_strength=change,
+            measured_detail=change * np.float32(0.5),
             measured_drift=change * np.float32(0.1),
             measured_ms_per_pixel=drawn(units.ms / units.count),
         )
@@ -173,7 +175,9 @@ def decide(heuristic: str, made: Made, repeats: int, threads: int = 2) -> Decidi
     """Frames of one heuristic; as many again come first and are not counted."""
     effects: list[RayEffect] = [NoEffect(name, rays) for name, rays in zip(EFFECTS, RAYS, strict=True)]
     chooser = get_registry().create("heuristic", heuristic)
-    scheduler = BudgetScheduler(CostModels(EFFECTS), Faults(strict=True), RayClock(NANOSECONDS_PER_RAY))
+    experience = Experience(int(made.work.units.object_id.max()), list(RAYS))
+    clock = RayClock(NANOSECONDS_PER_RAY)
+    scheduler = BudgetScheduler(CostModels(EFFECTS), experience, faults=Faults(strict=True), clock=clock)
     workers, watch = Workers(threads), Watch()
     watch.sees_the_pool(workers)
     frame = cast(Any, SimpleNamespace(workers=workers, view=SimpleNamespace(width=WIDTH), world=None))
@@ -202,17 +206,18 @@ def decide(heuristic: str, made: Made, repeats: int, threads: int = 2) -> Decidi
 
 
 def measure(
+    names: Sequence[str],
     repeats: int,
     counts: Sequence[int] = COUNTS,
     *,
     threads: int = 2,
     progress: Callable[[str], None] = lambda text: None,
 ) -> list[Deciding]:
-    """Every heuristic with every number of candidates."""
+    """Every heuristic of `names` with every number of candidates."""
     found = []
     for count in counts:
         made = Made(count)
-        for name in heuristics_here():
+        for name in names:
             progress(f"row 9: {name}, {count:,} candidates")
             found.append(decide(name, made, repeats, threads))
     return found

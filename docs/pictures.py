@@ -1,6 +1,6 @@
 """Renders the pictures of the documentation into docs/images. Minutes of work; run it by hand after pictures changed:
 
-.venv/bin/python docs/pictures.py [atrium] [compare] [layers]
+.venv/bin/python docs/pictures.py [atrium] [compare] [layers] [overlay]
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from PIL import Image
 import phrt
 from phrt.output.layers import layer_previews
 from phrt.output.tonemap import to_8bit
+from phrt.overlay import overlay as tint
 
 DOCS = Path(__file__).resolve().parent
 SCENES = DOCS.parent / "scenes"
@@ -55,7 +56,17 @@ def layers() -> None:
     save("layers", np.concatenate([np.concatenate(tiles[:2], axis=1), np.concatenate(tiles[2:], axis=1)]))
 
 
-PICTURES: dict[str, Callable[[], None]] = {"atrium": atrium, "compare": compare, "layers": layers}
+def overlay() -> None:
+    """What the selection graph traces of the atrium within half of what all would take."""
+    scene = phrt.load_scene(SCENES / "atrium.yaml")
+    options = {"size": (1280, 720), "heuristic": "selection_graph", "budget": "1500000rays"}
+    with phrt.Renderer(scene, **options) as renderer:
+        for number in range(40, 44):
+            frame = renderer.render(number / 30, frame_index=number)
+    save("overlay", tint(frame))
+
+
+PICTURES: dict[str, Callable[[], None]] = {"atrium": atrium, "compare": compare, "layers": layers, "overlay": overlay}
 
 if __name__ == "__main__":
     for picture in sys.argv[1:] or PICTURES:

@@ -56,6 +56,8 @@ def candidates(
         seen_frames=np.zeros(n, np.int32),
         frames_since_traced=np.full(n, NEVER_TRACED, np.int32),
         measured_change=np.full(n, np.nan, np.float32),
+        measured_strength=np.full(n, np.nan, np.float32),
+        measured_detail=np.full(n, np.nan, np.float32),
         measured_drift=np.full(n, np.nan, np.float32),
         measured_ms_per_pixel=np.full(n, np.nan, np.float32),
     )
@@ -72,6 +74,8 @@ def units_of(work: Candidates, first: Sequence[int] | np.ndarray) -> Units:
         count=work.pixel_count,
         rays=work.predicted_rays.astype(np.float64),
         ms=work.predicted_ms_measured.astype(np.float64),
+        held=np.zeros(len(work), np.int32),
+        age_sum=np.zeros(len(work)),
     )
 
 

@@ -167,3 +167,14 @@ def write_evidence(folder: Path, **pictures: np.ndarray) -> Path:
         grey = np.nan_to_num(np.clip(picture, 0, 1)) ** (1 / 2.2)
         Picture.fromarray((grey * 255 + 0.5).astype(np.uint8)).save(folder / f"{name}.png")
     return folder
+
+
+def hall(**switches: Any) -> Scene:
+    """Eight things on a floor, a third of them mirrors, a third glass; `switches` are those of the first mirror ball."""
+    made = Stage(dome=(0.3, 0.4, 0.6)).add("/floor", floor(), LAMBERT, at(0, -0.5, 0))
+    for number in range(8):
+        material, thing = ((MIRROR, ball(0.35, 3)), (GLASS, ball(0.35, 3)), (LAMBERT, box(0.6, 0.6, 0.6)))[number % 3]
+        place = at(-1.8 + 1.2 * (number % 4), -0.15, -1.4 * (number // 4))
+        made.add(f"/thing{number}", thing, material, place, **(switches if number == 0 else {}))
+    made.light("point", at(1, 3, 2), intensity=40.0).light("point", at(-2, 3, 1), intensity=20.0)
+    return made.camera((0, 1.2, 4), (0, 0, -0.5), fov_y=0.8).scene

@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import math
 import operator
+from collections import Counter
 from collections.abc import Callable, Iterable
 from functools import partial
 from typing import TypeVar
 
 import numpy as np
 
+from phrt import watchdog
 from phrt.errors import PluginError
 from phrt.faults import Faults
 from phrt.interfaces.heuristic import PASSES, Candidates, FrameContext, Heuristic, Request
 from phrt.ledger import ALL_PIXELS, NO_PARTS, Ledger, Parts
+from phrt.watchdog import Guard, NeverReturned
 
 R = TypeVar("R")
+
+ROUNDING = 1e-6
+"""Relative: predictions are single precision, and what fits exactly fits."""
 
 
 class Asking:
@@ -27,6 +33,7 @@ class Asking:
         self._ledger = ledger
         self._context = context
         self._done = faults.heuristic_is_off
+        self._guard = Guard()
         self._listens = type(heuristic).report is not Heuristic.report
         self._price: list[float] = []
         self._held: tuple[int, int, int] | None = None
@@ -41,7 +48,7 @@ class Asking:
     def take(self, remaining: float, enough: float) -> Parts:
         """The next parts of items, together predicted to take about `enough`, and no more than `remaining`; none when the
         heuristic has no more. Those that do not fit are left out and noted."""
-        tried: set[int] = set()
+        refused: Counter[int] = Counter()
         while not self._done:
             answer = self._call("take", lambda: self._heuristic.take(remaining, enough))
             requests = self._one_by_one(remaining, enough) if answer is None else self._as_arrays(answer)
@@ -55,9 +62,11 @@ class Asking:
             self._count_passes(*requests, refused=parts.item[~fits])
             if fits.any():
                 return parts.rows(fits)
-            if len(parts) and tried.issuperset(items := parts.item.tolist()):
-                self._nonsense(items[0])
-            tried.update(parts.item.tolist())
+            # It may try again with less of an item, but not forever.
+            refused.update(parts.item.tolist())
+            item, times = refused.most_common(1)[0] if refused else (0, 0)
+            if times > 2 * PASSES:
+                self._nonsense(item)
             if not self.has_more:
                 break
         return NO_PARTS
@@ -145,7 +154,7 @@ class Asking:
         self._ledger.name(parts)
         fits = np.ones(len(parts), bool)
         if costs.sum() > remaining:
-            left = remaining
+            left = remaining * (1 + ROUNDING)
             for row, cost in enumerate(costs.tolist()):
                 fits[row] = cost <= left
                 left -= cost if fits[row] else 0.0
@@ -159,19 +168,20 @@ class Asking:
     def _nonsense(self, item: int) -> None:
         self._fault(f"returned item {item}: not one of {len(self._price)}, or twice")
 
-    def _fault(self, what: str) -> None:
+    def _fault(self, what: str, cause: Exception | None = None) -> None:
         self._done = True
-        self._faults.lose_heuristic(PluginError(f"heuristic {type(self._heuristic).__name__} {what}"))
+        failure = PluginError(f"heuristic {type(self._heuristic).__name__} {what}")
+        failure.__cause__ = cause
+        self._faults.lose_heuristic(failure)
 
     def _call(self, call: str, function: Callable[[], R]) -> R | None:
         if self._done:
             return None
         try:
-            return function()
+            with self._guard:
+                return function()
+        except NeverReturned:
+            self._fault(f"did not return from {call}() within {watchdog.PATIENCE_S:g} seconds")
         except Exception as error:
-            self._done = True
-            name = type(self._heuristic).__name__
-            failure = PluginError(f"heuristic {name} failed in {call}(): {type(error).__name__}: {error}")
-            failure.__cause__ = error
-            self._faults.lose_heuristic(failure)
-            return None
+            self._fault(f"failed in {call}(): {type(error).__name__}: {error}", error)
+        return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -10,9 +11,10 @@ import numpy as np
 
 from phrt.costs import CostModelName, CostModels
 from phrt.experience import Experience
-from phrt.frame import Frame
+from phrt.frame import MASK_HISTORY, Frame
 from phrt.interfaces.effect import RayEffect
-from phrt.interfaces.heuristic import NEVER_TRACED, PASSES, BudgetUnit, Candidates
+from phrt.interfaces.heuristic import PASSES, BudgetUnit, Candidates
+from phrt.kernels.history import history_of_units
 from phrt.kernels.layers import count_by_object, interleave_units, place_by_object, select_pixels
 from phrt.kernels.primary import tile_order
 from phrt.relevance import ObjectSight, item_cost, item_relevance
@@ -54,7 +56,8 @@ class Units:
     """An object with one effect each: what is traced and measured. m units; rows of one effect are in order of `first`.
 
     item (m,) int32: the work item it belongs to; object_id, effect (m,) int32; first (m,) int64, count (m,) int32: its
-    pixels are pixels[effect][first:first + count], in tile order. rays, ms (m,) float64: predicted.
+    pixels are pixels[effect][first:first + count], in tile order. rays, ms (m,) float64: predicted. held (m,) int32: at how many of
+    its pixels a value of an earlier frame stands in; age_sum (m,) float64: the sum of those values' ages in frames.
     """
 
     item: np.ndarray
@@ -64,6 +67,8 @@ class Units:
     count: np.ndarray
     rays: np.ndarray
     ms: np.ndarray
+    held: np.ndarray
+    age_sum: np.ndarray
 
     def __len__(self) -> int:
         return len(self.item)
@@ -113,8 +118,13 @@ def find_work(
     budget_unit: BudgetUnit = "none",
     cost_model: CostModelName = "measured",
     group_by: GroupBy = "object_effect",
+    masks: Mapping[str, np.ndarray] | None = None,
+    ages: Mapping[str, np.ndarray] | None = None,
 ) -> WorkItems:
-    """Every (object, effect) with visible pixels, and the letters that heuristics choose by."""
+    """Every (object, effect) with visible pixels, and the letters that heuristics choose by.
+
+    masks, ages: (P,) by layer name, where values of earlier frames stand in and how old they are (see `History.reproject`).
+    """
     surfaces = frame.surfaces
     begins, sorted_pixels = _by_object(frame)
     visible_pixels = np.diff(begins)
@@ -133,6 +143,10 @@ def find_work(
     pixels = [found[scope.place][1] for scope in scopes]
     starts = np.array([found[scope.place][0] for scope in scopes], np.int64)
     units = _units(starts.reshape(len(scopes), len(begins)), group_by, experience, costs)
+    for index, effect in enumerate(effects):
+        name = effect.writes.name
+        if masks is not None and ages is not None and name in ages:
+            _note_history(units, index, pixels[index], masks[name], ages[name])
     candidates = _with_letters(
         effects, scopes, units, sight, frame, visible_pixels, experience, costs, persistence, budget_unit, cost_model,
         group_by,
@@ -160,7 +174,16 @@ def _units(starts: np.ndarray, group_by: GroupBy, experience: Experience, costs:
         item = np.unique(object_id, return_inverse=True)[1].astype(np.int32)
     count = counts[effect, object_id].astype(np.int32)
     rays = experience.predict_rays(object_id, effect, count).astype(np.float64)
-    return Units(item, object_id, effect, starts[effect, object_id], count, rays, costs.measured_ms(effect, rays))
+    return Units(item, object_id, effect, starts[effect, object_id], count, rays, costs.measured_ms(effect, rays),
+                 np.zeros(len(effect), np.int32), np.zeros(len(effect)))  # fmt: skip
+
+
+def _note_history(units: Units, effect: int, pixels: np.ndarray, mask: np.ndarray, age: np.ndarray) -> None:
+    """Fill `held` and `age_sum` of the units of one effect."""
+    mine = np.flatnonzero(units.effect == effect)
+    held, age_sum = np.empty(len(mine), np.int32), np.empty(len(mine))
+    history_of_units(pixels, units.first[mine], units.count[mine], mask, age, MASK_HISTORY, held, age_sum)
+    units.held[mine], units.age_sum[mine] = held, age_sum
 
 
 def _with_letters(
@@ -190,8 +213,7 @@ def _with_letters(
         effect[units.item] = units.effect
     objects = sight.letters(frame.world, frame.view, visible_pixels)
     visible, importance = objects.visibility[object_id], objects.importance_factor[object_id]
-    estimate = np.array([scope.rays_per_pixel for scope in scopes], np.float64)
-    ray_estimate = total(estimate[units.effect] if len(scopes) else np.zeros(0)).astype(np.float32)
+    ray_estimate = total(experience.ray_estimate[units.object_id, units.effect]).astype(np.float32)
     mandatory = np.array([scope.mandatory for scope in scopes], bool).reshape(len(scopes), len(objects.area))
     was_selected = total(experience.was_selected[units.object_id, units.effect]) > 0
     cost = item_cost(visible, ray_estimate)
@@ -201,12 +223,13 @@ def _with_letters(
         predicted = paper_ms if cost_model == "paper" else measured_ms
     else:
         predicted = np.ceil(np.maximum(costs.paper_rays(cost, rays), 1.0)) if cost_model == "paper" else rays
-    unknown = np.full(count, np.nan, np.float32)
+    pixel_count, held = total(units.count), total(units.held)
+    known = experience.exploration.of_items(units.item, units.object_id, units.effect, units.count)
     return Candidates(
         effect_names=("all",) if group_by == "object" else tuple(entry.name for entry in effects),
         object_id=object_id,
         effect=effect,
-        pixel_count=total(units.count).astype(np.int32),
+        pixel_count=pixel_count.astype(np.int32),
         mandatory=total(mandatory[units.effect, units.object_id]) > 0,
         predicted_cost=predicted.astype(np.float32),
         ray_estimate=ray_estimate,
@@ -222,11 +245,7 @@ def _with_letters(
         predicted_rays=rays.astype(np.float32),
         predicted_ms_paper=paper_ms.astype(np.float32),
         predicted_ms_measured=measured_ms.astype(np.float32),
-        history_share=np.zeros(count, np.float32),
-        history_age=np.zeros(count, np.float32),
-        seen_frames=np.zeros(count, np.int32),
-        frames_since_traced=np.full(count, NEVER_TRACED, np.int32),
-        measured_change=unknown,
-        measured_drift=unknown,
-        measured_ms_per_pixel=unknown,
+        history_share=(held / np.maximum(pixel_count, 1)).astype(np.float32),
+        history_age=(total(units.age_sum) / np.maximum(held, 1)).astype(np.float32),
+        **vars(known),
     )

@@ -65,15 +65,15 @@ class RecordingClock(Clock):
     """Passes another clock on and keeps what it said in `readings`; `take` hands them over and begins anew."""
 
     def __init__(self, clock: Clock) -> None:
-        self._clock = clock
+        self.clock = clock
         self.readings: list[float] = []
 
     def now_ms(self) -> float:
-        self.readings.append(self._clock.now_ms())
+        self.readings.append(self.clock.now_ms())
         return self.readings[-1]
 
     def wave(self, started_ms: float, thread_ms: np.ndarray, rays: np.ndarray) -> np.ndarray:
-        milliseconds = self._clock.wave(started_ms, thread_ms, rays)
+        milliseconds = self.clock.wave(started_ms, thread_ms, rays)
         self.readings.extend(milliseconds.tolist())
         return milliseconds
 
@@ -106,3 +106,8 @@ class ReplayClock(Clock):
                 f"the clock was read {self._next} times, {len(self._readings)} readings were recorded: not the same run"
             )
         return self._readings[first : self._next]
+
+
+def beneath(clock: Clock) -> Clock:
+    """The clock that is read in the end: what a RecordingClock passes on, else `clock` itself."""
+    return beneath(clock.clock) if isinstance(clock, RecordingClock) else clock

@@ -103,7 +103,7 @@ def _checked(name: str, value: object, scene: Scene) -> object:
 def not_negative(name: str, value: object) -> float:
     """`value` as a finite number of 0 or more. Raises OptionError that calls it `name`."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 <= value < math.inf:
-        raise OptionError(f"{name} is {value!r}; it must be a finite number, 0 or more")
+        raise OptionError(f"{name} is {value!r}; it must be 0 or more, and finite")
     return float(value)
 
 
@@ -115,11 +115,11 @@ def checked_situation(value: object, known: Sequence[str]) -> str:
     return str(value)
 
 
-def checked_attention(value: object) -> dict[str, float]:
-    """`value` as factors by tag. Raises OptionError."""
+def checked_attention(value: object, name: str = "attention") -> dict[str, float]:
+    """`value` as factors by tag. Raises OptionError that calls it `name`."""
     if not isinstance(value, Mapping) or not all(isinstance(tag, str) for tag in value):
-        raise OptionError(f"attention is {value!r}, expected factors by tag, as in {{'gold': 3}}")
-    return {tag: not_negative(f"attention for '{tag}'", factor) for tag, factor in value.items()}
+        raise OptionError(f"{name} is {value!r}, expected factors by tag, as in {{'gold': 3}}")
+    return {tag: not_negative(f"{name} for '{tag}'", factor) for tag, factor in value.items()}
 
 
 def unknown_tags(attention: Iterable[str], scene: Scene) -> list[str]:

@@ -113,6 +113,11 @@ class CostModels:
         return float(predicted.sum(dtype=np.float64)) / total if total > 0 else 0.0
 
     @property
+    def learned(self) -> bool:
+        """Was anything measured yet?"""
+        return self._paper_units > 0
+
+    @property
     def ms_per_ray(self) -> float:
         """What a ray takes on average over the effects, roughly."""
         return float(np.mean([fit.per_ray for fit in self._fits])) if self._fits else DEFAULT_MS_PER_RAY

@@ -19,32 +19,42 @@ CHUNK = 8192
 
 @dataclass
 class LayerSet:
-    """The layers of one frame: arrays (P, C) float32 and masks (P,) uint8 by layer name; rays by effect name."""
+    """The layers of one frame: arrays (P, C) float32 and masks (P,) uint8 by layer name; rays by effect name.
+
+    ages: (P,) uint8 by layer name, how many frames ago the values that are MASK_HISTORY were traced, or stood last before the
+    ray phase; layers that have none are left out. 255 stands for more.
+    """
 
     arrays: dict[str, np.ndarray]
     masks: dict[str, np.ndarray]
     rays: dict[str, int] = field(default_factory=dict)
+    ages: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 def apply_fallbacks(
     frame: Frame, effects: list[RayEffect], work: WorkItems, decisions: Decisions, layers: LayerSet, faults: Faults
 ) -> None:
-    """Partly traced items have their gaps filled; what is still missing, and what was not traced, takes the fallback."""
+    """Partly traced items, and those for which values of earlier frames stand in at most pixels, have their gaps filled; what is
+    still missing, and what was not traced, takes the fallback."""
     traced, units = decisions.traced_pixels, work.units
     untraced, partial = traced == 0, (traced > 0) & (traced < decisions.candidates.pixel_count)
+    mostly_held = 2 * units.held >= units.count
     for index, effect in enumerate(effects):
         mine = units.effect == index
-        gone = merged(work, index, np.flatnonzero(mine & untraced[units.item]))
-        begun = merged(work, index, np.flatnonzero(mine & partial[units.item]))
+        stale = mine & untraced[units.item] & mostly_held & (not faults.is_off(effect))
+        gone = merged(work, index, np.flatnonzero(mine & untraced[units.item] & ~stale))
+        begun = merged(work, index, np.flatnonzero(mine & partial[units.item] | stale))
         missing = _fill(frame, effect, _concerned(frame, effect, begun, faults), layers)
-        left = [_concerned(frame, effect, _missing(gone, layers, effect), faults), *missing]
+        left = [_concerned(frame, effect, _missing(gone, layers, effect, faults), faults), *missing]
         pixels = np.concatenate(left)
         if len(pixels):
             _fall_back(frame, effect, np.ascontiguousarray(pixels), layers, faults)
 
 
-def _missing(pixels: np.ndarray, layers: LayerSet, effect: RayEffect) -> np.ndarray:
-    """Those of `pixels` that hold no value of an earlier frame."""
+def _missing(pixels: np.ndarray, layers: LayerSet, effect: RayEffect, faults: Faults) -> np.ndarray:
+    """Those of `pixels` that hold no value of an earlier frame; all of an effect that is switched off."""
+    if faults.is_off(effect):
+        return pixels
     kept = layers.masks[effect.writes.name][pixels] != MASK_HISTORY
     return pixels if kept.all() else pixels[kept]
 
@@ -58,7 +68,8 @@ def _concerned(frame: Frame, effect: RayEffect, pixels: np.ndarray, faults: Faul
 
 
 def _fill(frame: Frame, effect: RayEffect, pixels: np.ndarray, layers: LayerSet) -> list[np.ndarray]:
-    """Fill the gaps among `pixels` from traced neighbours; returns the pixels that have none."""
+    """Fill the gaps among `pixels` from neighbours that hold a value, of this frame or an earlier one; returns the pixels that
+    have none."""
     name = effect.writes.name
     layer, mask = layers.arrays[name], layers.masks[name]
     object_id, width, height = frame.surfaces.object_id, frame.view.width, frame.view.height

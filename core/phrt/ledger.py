@@ -121,6 +121,10 @@ class Ledger:
         experience.learn_rays(
             units.object_id[traced], units.effect[traced], self.unit_pixels[traced], self.unit_rays[traced]
         )
+        experience.exploration.note(units.object_id, units.effect, self.unit_pixels > 0)
+        experience.exploration.learn_time(
+            units.object_id[traced], units.effect[traced], self.unit_pixels[traced], self.unit_ms[traced]
+        )
 
     def outcome(self, item: int) -> Outcome:
         """What is known of `item` by now."""

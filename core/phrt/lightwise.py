@@ -25,6 +25,7 @@ class OneLight(RayEffect):
             f"{effect.writes.name}@{path}", 1, effect.writes.clear, f"{effect.writes.meaning}: {path}"
         )
         self.layer, self.light = effect.writes.name, light
+        self.history = effect.history
         self._effect, self._lights, self._first = effect, lights, light == 0
 
     @property

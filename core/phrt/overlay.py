@@ -4,9 +4,10 @@
     pixels = phrt.overlay.overlay(frame, "reflections")   one of them
 
 Of one effect, a pixel is TRACED where its item was traced whole, PARTLY where its item was traced in part (gaps are filled from
-traced neighbours), EARLIER where a value of an earlier frame stands in, and SKIPPED where the effect applies and its fallback
-shows. Of all effects together it is TRACED where all that apply were traced, SKIPPED where none brought anything, EARLIER
-where none is missing but some are of an earlier frame, and PARTLY otherwise. Pixels to which no effect applies stay.
+traced neighbours or an earlier frame), EARLIER where values of an earlier frame stand in, and SKIPPED where the effect
+applies and its fallback shows. Of all effects together it is TRACED where all that apply were traced, SKIPPED where none
+brought anything, EARLIER where none is missing but some are of an earlier frame, and PARTLY otherwise. Pixels to which no
+effect applies stay.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ def overlay(frame: FrameResult, effect: str | None = None, *, tone_map: str = "n
     kinds = pixel_kinds(frame, effect)
     pixels = tinted(to_8bit(frame.image, tone_map), kinds)
     hatch(pixels, mandatory_pixels(frame, effect))
-    outline(pixels, frame.gbuffer.object_id, kinds)
+    outline(pixels, frame.gbuffer.object_id)
     return annotate(pixels, frame, effect or ALL)
 
 
@@ -76,24 +77,25 @@ def effect_kinds(frame: FrameResult, effect: str) -> np.ndarray:
     items = items_of(frame, effect)
     object_id = frame.gbuffer.object_id
     mask = frame.masks[frame.effect_layers[effect]]
-    held = (mask != MASK_NONE) & (mask != MASK_FALLBACK)
-    kinds = np.where(items.partial[object_id], np.uint8(PARTLY), np.uint8(TRACED))
-    kinds[mask == MASK_HISTORY] = EARLIER
+    kinds = np.where(mask == MASK_HISTORY, np.uint8(EARLIER), np.uint8(TRACED))
+    kinds[items.partial[object_id]] = PARTLY
     kinds[mask == MASK_FALLBACK] = SKIPPED
-    # A fallback of `none` leaves no mark. Where nothing of an item has one, all of it is skipped; else it does not apply there.
-    marked = np.zeros(len(items.exists), bool)
-    marked[object_id[held | (mask == MASK_FALLBACK)]] = True
-    bare = items.exists & ~marked
+    # A fallback of `none` leaves no mark. Where nothing of an item that was not traced whole shows another, that is what it took;
+    # elsewhere the effect does not apply to such pixels.
+    marks = np.zeros(len(items.exists), bool)
+    marks[object_id[mask == MASK_FALLBACK]] = True
+    bare = items.exists & ~items.whole & ~marks
     kinds[mask == MASK_NONE] = UNTOUCHED
-    kinds[(mask == MASK_NONE) & (bare | items.partial)[object_id]] = SKIPPED
+    kinds[(mask == MASK_NONE) & bare[object_id]] = SKIPPED
     return kinds
 
 
 @dataclass(frozen=True)
 class Items:
-    """The items of an effect by object, (N + 1,) bool each: is there one, was it traced in part, is it mandatory."""
+    """The items of an effect by object, (N + 1,) bool each: is there one, was it traced whole, in part, is it mandatory."""
 
     exists: np.ndarray
+    whole: np.ndarray
     partial: np.ndarray
     mandatory: np.ndarray
 
@@ -109,7 +111,7 @@ def items_of(frame: FrameResult, effect: str) -> Items:
     begun[objects[decisions.chosen[rows]]] = True
     lacking[objects[~is_whole(frame)[rows]]] = True
     mandatory[objects[candidates.mandatory[rows]]] = True
-    return Items(exists, begun & lacking, mandatory)
+    return Items(exists, exists & ~lacking, begun & lacking, mandatory)
 
 
 def is_whole(frame: FrameResult) -> np.ndarray:
@@ -147,17 +149,12 @@ def tinted(pixels: np.ndarray, kinds: np.ndarray) -> np.ndarray:
     return (mixed + 0.5).astype(np.uint8)
 
 
-def outline(pixels: np.ndarray, object_id: np.ndarray, kinds: np.ndarray) -> None:
-    """Darken, in place, the pixels whose right or lower neighbour belongs to another object or is of another kind."""
+def outline(pixels: np.ndarray, object_id: np.ndarray) -> None:
+    """Darken, in place, the pixels whose right or lower neighbour belongs to another object."""
     edge = np.zeros(object_id.shape, bool)
-    for plane in (object_id, kinds):
-        edge[:, :-1] |= plane[:, 1:] != plane[:, :-1]
-        edge[:-1] |= plane[1:] != plane[:-1]
-    # Not inside the dithering that parts of items and history leave.
-    borders = np.zeros(object_id.shape, bool)
-    borders[:, :-1] |= object_id[:, 1:] != object_id[:, :-1]
-    borders[:-1] |= object_id[1:] != object_id[:-1]
-    pixels[edge & borders] //= 3
+    edge[:, :-1] |= object_id[:, 1:] != object_id[:, :-1]
+    edge[:-1] |= object_id[1:] != object_id[:-1]
+    pixels[edge] //= 3
 
 
 def hatch(pixels: np.ndarray, mandatory: np.ndarray) -> None:

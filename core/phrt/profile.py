@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from phrt.controls import known_situations
 from phrt.description.fields import Described, Importance, NotNegative, Real, Text, Whole
@@ -95,6 +95,14 @@ class Profile(Described):
     effects: dict[Text, EffectCost] = Field(default_factory=dict)
     objects: dict[Text, Given] = Field(default_factory=dict)
     measured: dict[Text, Measured] = Field(default_factory=dict)
+
+    @field_validator("effects", "objects", "measured", mode="before")
+    @classmethod
+    def _emptied(cls, section: object) -> object:
+        """Headings, of a section or of an entry in it, below which everything was deleted."""
+        if isinstance(section, dict):
+            return {key: {} if entry is None else entry for key, entry in section.items()}
+        return {} if section is None else section
 
     def coefficients(self) -> dict[str, dict[str, float]]:
         """By effect: ms_per_item and ms_per_ray, as `phrt.costs.CostModels.warm` takes them."""

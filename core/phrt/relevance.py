@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from phrt.camera import CameraView
-from phrt.controls import DEFAULT_PERSISTENCE as DEFAULT_PERSISTENCE
 from phrt.controls import Conditions
 from phrt.scene import Scene
 from phrt.view_motion import ViewMotion, picture_place

@@ -7,23 +7,28 @@ import time as wall
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from os import PathLike
 from types import TracebackType
 
 import numpy as np
 
 from phrt.arguments import checked_matrix, checked_size, make_effects, make_heuristic, one_of, scopes_of
-from phrt.budget import Budget, parse_budget
+from phrt.budget import Budget
 from phrt.buffers import BufferPool
 from phrt.camera import CameraView
-from phrt.candidates import GROUPINGS, GroupBy, find_work
+from phrt.candidates import GROUPINGS, GroupBy, WorkItems, find_work
+from phrt.change import ChangeSample, measure_change, pick_sample
 from phrt.channels import CHANNELS, GBuffer
-from phrt.clock import Clock, RayClock, WallClock
+from phrt.clock import Clock, RayClock, WallClock, beneath
 from phrt.composite import all_rows, compose, light_surfaces
+from phrt.controls import Conditions, Controls, changed, in_force
+from phrt.cost_memory import recall, remember, run_key
 from phrt.costs import COST_MODELS, CostModelName, CostModels
 from phrt.errors import OptionError, PhrtWarning, did_you_mean
 from phrt.experience import Experience
 from phrt.faults import Faults
 from phrt.frame import Decisions, Frame, FrameResult
+from phrt.history import History
 from phrt.interfaces.effect import RayEffect
 from phrt.interfaces.gbuffer import GBufferProducer
 from phrt.interfaces.heuristic import BudgetUnit, FrameContext, Heuristic
@@ -33,10 +38,12 @@ from phrt.layers import LayerSet, apply_fallbacks
 from phrt.ledger import over_samples
 from phrt.lightwise import OneLight, by_light
 from phrt.pace import Pace
+from phrt.profile import Profile
+from phrt.profile_use import known_costs, known_rays, profiled
 from phrt.quiet import garbage_waits
 from phrt.registry.auto import DEFAULT_HEURISTIC, choose_gbuffer, choose_tracer
 from phrt.registry.manager import get_registry
-from phrt.relevance import DEFAULT_PERSISTENCE, ObjectSight
+from phrt.relevance import ObjectSight
 from phrt.sampling import jitter_pattern
 from phrt.scene import Scene
 from phrt.scheduler import BudgetScheduler
@@ -75,16 +82,24 @@ class Renderer:
     group_by  : what a work item is: "object" with all effects, "object_effect", or "object_effect_light"
     clock     : what budgets of time are read from; by default real time
     reserve_ms: what the host needs of a frame budget for itself, for tone mapping and presenting, say
-    persistence: I of the paper, how much having been traced in the previous frame counts; 0 or more
+    persistence: I of the paper, how much having been traced in the previous frame counts; 0 or more; by default 0.0001
+    profile   : what `phrt analyze` wrote, or its file: importance, effects that change nothing, Q and costs to start from
     gbuffer   : "moderngl", "raycast", "auto" (moderngl on a hardware GL, else raycast), or a plugin's name
     tracer    : "embree", "open3d", "numpy", "auto" (the first available in this order), or a plugin's name
     threads   : how many; by default one per usable core
     effects   : options by effect name, over those of the scene; `{"shadows": {"samples": 4}}`
     aa        : samples per pixel by sub-pixel jitter; 1 for real time
+    history   : where nothing is traced, values of earlier frames stand in for the fallback as long as they hold; not with aa
     strict    : an effect that fails raises instead of being switched off
 
+    controls  : what was asked for with `control`
+    conditions: what holds in the latest frame; its budget and persistence are attributes of their own as well
+    measure_change: what tracing changes is measured even if the heuristic does not look at it; may be set between frames.
+    measure_each: every item is traced and counted by itself, which takes longer and teaches no times; may be set between frames.
+
     Use it as a context manager; it holds threads, a tracer and perhaps a GL context, and must be used from one thread.
-    Raises OptionError for a bad size, aa, budget, persistence or option, PluginError for a plugin that is unknown or unavailable.
+    Raises OptionError for a bad size, aa, budget, persistence or option, PluginError for a plugin that is unknown or unavailable,
+    ProfileError for a profile that cannot be read or is of another scene.
     """
 
     def __init__(
@@ -95,7 +110,8 @@ class Renderer:
         heuristic: str | Heuristic | None = None,
         heuristic_options: Mapping[str, object] | None = None,
         budget: str | Budget | None = None,
-        persistence: float = DEFAULT_PERSISTENCE,
+        persistence: float | None = None,
+        profile: Profile | str | PathLike[str] | None = None,
         cost_model: CostModelName = "measured",
         group_by: GroupBy = "object_effect",
         clock: Clock | None = None,
@@ -105,6 +121,7 @@ class Renderer:
         threads: int | None = None,
         effects: Mapping[str, Mapping[str, object]] | None = None,
         aa: int = 1,
+        history: bool = True,
         strict: bool = False,
     ) -> None:
         self.size = checked_size(size or scene.settings.size or DEFAULT_SIZE)
@@ -112,21 +129,23 @@ class Renderer:
             raise OptionError(f"aa is {aa}; it must be 1 to 1024 samples per pixel")
         if threads is not None and not 1 <= threads <= 1024:
             raise OptionError(f"threads is {threads}; it must be 1 to 1024")
-        if not 0 <= persistence < math.inf:
-            raise OptionError(f"persistence is {persistence}; it must be 0 or more")
         if not 0 <= reserve_ms < math.inf:
             raise OptionError(f"reserve_ms is {reserve_ms}; it must be 0 or more")
-        self.budget = parse_budget(budget)
-        if self.budget.kind == "frame_ms" and aa > 1:
-            raise OptionError(f"budget is {self.budget} and aa is {aa}; a budget for the whole frame needs aa 1")
         self.cost_model: CostModelName = one_of("cost_model", cost_model, COST_MODELS)
         self.group_by: GroupBy = one_of("group_by", group_by, GROUPINGS)
         self.clock = clock or WallClock()
         self.reserve_ms = reserve_ms
-        self.persistence = persistence
         registry = get_registry()
-        self.scene = scene
         self.aa = aa
+        known, scene = profiled(profile, scene)
+        self.scene = scene
+        self.controls = Controls()
+        self.control(budget=budget, persistence=persistence)
+        self._settle(0.0)
+        for key in scene.settings.track:
+            self._check_budget(key.controls.budget)
+        self.measure_each = False
+        self.measure_change = False
         self.tracer_name = choose_tracer(registry).name if tracer == "auto" else tracer
         self.gbuffer_name = choose_gbuffer(registry).name if gbuffer == "auto" else gbuffer
         self.effects: list[RayEffect] = make_effects(scene, effects)
@@ -148,10 +167,17 @@ class Renderer:
         self._experience = Experience(self.world.object_count, [scope.rays_per_pixel for scope in self._scopes])
         self._faults = Faults(strict=strict)
         self._costs = CostModels([effect.name for effect in self.effects])
+        self._costs_key = run_key(scene.name, self.tracer_name, self.workers.threads)
+        if isinstance(beneath(self.clock), WallClock):
+            self._costs.warm(known_costs(known, self.effects) | recall(self._costs_key))
+        if known is not None:
+            self._experience.expect(known_rays(known, scene, self.effects))
         self._scheduler = BudgetScheduler(self._costs, self._experience, self._faults, self.clock)
         self._pace = Pace()
         self._told_short = False
         self._buffers = BufferPool()
+        self.history = history and aa == 1
+        self._history = History(self.world, self.effects, self._buffers) if self.history else None
         self._fallbacks_ready = False
         self._index = 0
         self._closed = False
@@ -169,9 +195,34 @@ class Renderer:
         if self._closed:
             return
         self._closed = True
+        if isinstance(beneath(self.clock), WallClock) and self._costs.learned:
+            remember(self._costs_key, self._costs.coefficients())
         self.producer.close()
         self.tracer.close()
         self.workers.close()
+
+    def control(self, **changes: object) -> None:
+        """From the next frame on these fields of `phrt.controls.Controls` hold: budget, persistence, situation, attention,
+        view_speed, parameters. Each one given replaces that field, None gives it back to the scene's track and the defaults.
+
+        Raises OptionError for what cannot be, and then changes nothing; a tag that no object has is a PhrtWarning.
+        """
+        controls = changed(self.controls, changes, self.scene)
+        self._check_budget(controls.budget)
+        self.controls = controls
+
+    def _settle(self, time: float) -> None:
+        """What holds at `time`."""
+        self.conditions: Conditions = in_force(self.controls, self.scene.settings.track, time, self.scene)
+        self.budget, self.persistence = self.conditions.budget, self.conditions.persistence
+
+    def _check_budget(self, budget: Budget | str | None) -> None:
+        if isinstance(budget, Budget) and budget.kind == "frame_ms" and self.aa > 1:
+            raise OptionError(f"budget is {budget} and aa is {self.aa}; a budget for the whole frame needs aa 1")
+
+    def costs(self) -> dict[str, dict[str, float]]:
+        """By effect, what was learnt of its costs so far: ms_per_item and ms_per_ray."""
+        return self._costs.coefficients()
 
     def move(self, path: str, matrix: np.ndarray | None) -> None:
         """From the next frame on, object `path` stands at `matrix` (4, 4) world_from_local; None returns it to its node.
@@ -208,6 +259,8 @@ class Renderer:
         stages, began = Stages(), self.clock.now_ms()
         index = self._index if frame_index is None else frame_index
         self._index = index + 1
+        self._settle(time)
+        self._scheduler.each_alone = self.measure_each
         changes = self.world.advance(time)
         if changes.objects:
             self.tracer.update(self.world, changes)
@@ -215,6 +268,7 @@ class Renderer:
         if changes:
             self._fallbacks_ready = False
         view = self._view(camera)
+        self._sight.begin_frame(self.world, view, time, self.conditions)
         stages.done("update")
         pattern = jitter_pattern(self.aa)
         sums: dict[str, np.ndarray] = {}
@@ -309,7 +363,7 @@ class Renderer:
                 return budget.amount / self.aa, "rays"
             case "ray_ms":
                 return budget.amount / self.aa, "ms"
-        if isinstance(self.clock, RayClock):
+        if isinstance(beneath(self.clock), RayClock):
             return budget.amount, "ms"
         spent = self.clock.now_ms() - began_ms + self.reserve_ms
         left = self._pace.ray_budget_ms(budget.amount, spent)
@@ -353,9 +407,13 @@ class Renderer:
         )
         amount, unit = self._ray_budget(began_ms)
         layers = self._clear_layers(count)
+        if self._history and not (self.heuristic.traces_everything and unit == "none"):
+            layers.ages = self._history.reproject(frame, layers, self._faults)
+            stages.done("history")
         work = find_work(
             frame, self.effects, self._scopes, self._sight, self._experience, self._costs,
             persistence=self.persistence, budget_unit=unit, cost_model=self.cost_model, group_by=self.group_by,
+            masks=layers.masks, ages=layers.ages,
         )  # fmt: skip
         stages.done("candidates")
         if self.budget.kind == "frame_ms":
@@ -368,15 +426,21 @@ class Renderer:
             budget_unit=unit,
             sample=number,
             samples=self.aa,
+            history=self.history,
+            situation=self.conditions.situation,
+            attention=self.conditions.attention,
+            view_speed=self._sight.view_speed,
+            parameters=self.conditions.parameters,
         )
+        sample = None
+        if self.measure_change or (self.heuristic.wants_change and unit != "none"):
+            sample = pick_sample(frame, self.effects, self._scopes, work, layers)
+        stages.done("change")
         decisions = self._scheduler.run(frame, self.effects, work, self.heuristic, context, layers)
         rays_ended = self.clock.now_ms()
         stages.done("rays")
         if (decisions.traced_pixels < decisions.candidates.pixel_count).any():
-            if not self._fallbacks_ready:
-                for effect in self.effects:
-                    self._faults.prepare_fallback(effect, frame)
-                self._fallbacks_ready = True
+            self._prepare_fallbacks(frame)
             apply_fallbacks(frame, self.effects, work, decisions, layers, self._faults)
         stages.done("fallbacks")
         image = self._buffers.take((count, 3))
@@ -385,8 +449,37 @@ class Renderer:
             layers.arrays, layers.masks, self._exposure(view), image, self.workers,
         )  # fmt: skip
         stages.done("composite")
+        if sample is not None:
+            self._learn_change(frame, work, sample, decisions, layers, image)
+            stages.done("change")
+        if self._history:
+            self._history.keep(frame, layers)
         rays = {"primary": count if self._traces_primary else 0, **layers.rays}
         return _Sample(view, image, gbuffer, direct, layers, decisions, rays, rays_ended)
+
+    def _prepare_fallbacks(self, frame: Frame) -> None:
+        if not self._fallbacks_ready:
+            for effect in self.effects:
+                self._faults.prepare_fallback(effect, frame)
+            self._fallbacks_ready = True
+
+    def _learn_change(
+        self,
+        frame: Frame,
+        work: WorkItems,
+        sample: ChangeSample,
+        decisions: Decisions,
+        layers: LayerSet,
+        image: np.ndarray,
+    ) -> None:
+        """Measure on `sample` what was gained by tracing."""
+        self._prepare_fallbacks(frame)
+        units, effect = work.units, self.effects[sample.effect]
+        traced = decisions.chosen[units.item]
+        measured = measure_change(
+            frame, effect, sample, traced, layers, image, self._exposure(frame.view), self._faults
+        )
+        self._experience.exploration.learn_change(units.object_id, units.effect, measured)
 
     def _clear_layers(self, count: int) -> LayerSet:
         """Every layer the composition reads, at its clear value, and those of further effects."""

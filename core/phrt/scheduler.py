@@ -73,6 +73,8 @@ class BudgetScheduler(Scheduler):
         self._costs, self._experience = costs, experience
         self._faults = faults or Faults()
         self._clock = clock or WallClock()
+        self.each_alone = False
+        """Is every part traced and counted by itself? For analysis: small ones take longer so, and their times teach nothing."""
 
     def run(
         self,
@@ -135,7 +137,11 @@ class BudgetScheduler(Scheduler):
         """Trace `wave` chunk by chunk, dearest effects first, and book what it took. Returns the rays."""
         started = self._clock.now_ms()
         parts = unit_parts(work, wave)
-        groups = [group for group in self._groups(parts) if not self._faults.is_off(effects[group.effect])]
+        groups = [
+            group
+            for group in self._groups(parts, 0.0 if self.each_alone else CHUNK_RAYS)
+            if not self._faults.is_off(effects[group.effect])
+        ]
         size = min(max(float(parts.rays.sum()) / (4 * frame.workers.threads), SMALLEST_CHUNK_RAYS), CHUNK_RAYS)
         tasks: list[_Task] = []
         for number, group in enumerate(groups):
@@ -153,21 +159,21 @@ class BudgetScheduler(Scheduler):
             rays[task.group] += traced
             thread_ms[task.group] += spent
         milliseconds = self._clock.wave(started, thread_ms, rays)
-        self._costs.learn(
-            [
-                parts.book(ledger, work, group.rows, group.effect, int(count), float(spent))
-                for group, count, spent in zip(groups, rays, milliseconds, strict=True)
-            ]
-        )
+        booked = [
+            parts.book(ledger, work, group.rows, group.effect, int(count), float(spent))
+            for group, count, spent in zip(groups, rays, milliseconds, strict=True)
+        ]
+        if not self.each_alone:
+            self._costs.learn(booked)
         for group, count in zip(groups, rays, strict=True):
             name = effects[group.effect].name
             layers.rays[name] = layers.rays.get(name, 0) + int(count)
         return float(rays.sum())
 
     @staticmethod
-    def _groups(parts: UnitParts) -> list[_Group]:
+    def _groups(parts: UnitParts, large_rays: float) -> list[_Group]:
         """What is accounted for together: a large part alone, the small ones of an effect as one. Dearest pixels first."""
-        large = parts.rays >= CHUNK_RAYS
+        large = parts.rays >= large_rays
         rows = [np.array([row]) for row in np.flatnonzero(large)]
         rows += [
             found

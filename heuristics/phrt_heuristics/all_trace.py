@@ -14,6 +14,8 @@ Example::
 
 from __future__ import annotations
 
+import numpy as np
+
 from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic
 from phrt.registry import Options
 from phrt_heuristics.queue import Queue
@@ -21,6 +23,8 @@ from phrt_heuristics.queue import Queue
 
 class AllTrace(Heuristic):
     """Yields every candidate once."""
+
+    traces_everything = True
 
     def __init__(self, options: Options) -> None:
         self._queue: Queue | None = None
@@ -30,3 +34,6 @@ class AllTrace(Heuristic):
 
     def next(self, remaining: float) -> int | None:
         return self._queue.next(remaining) if self._queue else None
+
+    def take(self, remaining: float, enough: float) -> np.ndarray | None:
+        return self._queue.take(remaining, enough) if self._queue else None

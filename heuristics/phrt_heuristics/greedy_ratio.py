@@ -35,3 +35,6 @@ class GreedyRatio(Heuristic):
 
     def next(self, remaining: float) -> int | None:
         return self._queue.next(remaining) if self._queue else None
+
+    def take(self, remaining: float, enough: float) -> np.ndarray | None:
+        return self._queue.take(remaining, enough) if self._queue else None

@@ -13,6 +13,8 @@ Example::
 
 from __future__ import annotations
 
+import numpy as np
+
 from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic
 from phrt.registry import Options
 from phrt_heuristics.queue import Queue
@@ -29,3 +31,6 @@ class GreedyRelevance(Heuristic):
 
     def next(self, remaining: float) -> int | None:
         return self._queue.next(remaining) if self._queue else None
+
+    def take(self, remaining: float, enough: float) -> np.ndarray | None:
+        return self._queue.take(remaining, enough) if self._queue else None

@@ -36,3 +36,106 @@ def link_nodes(cost, relevance, pointers):
                     break
                 pointers[node, k] = best[k]
         end = start
+
+
+@kernel
+def take_fitting(cost, place, remaining, enough, taken):
+    """Walk on from place[0] through items of `cost` (n,) float64, taking each that fits what then remains, until those taken
+    cost `enough` together. taken (n,) int64 gets their places; place[0] moves on. Returns how many were taken.
+    """
+    count, planned, k = 0, 0.0, place[0]
+    while k < len(cost) and planned < enough:
+        if cost[k] <= remaining - planned:
+            planned += cost[k]
+            taken[count] = k
+            count += 1
+        k += 1
+    place[0] = k
+    return count
+
+
+@kernel
+def take_passing(cost, line, state, remaining, enough, taken):
+    """One pass over a line of items of `cost` (n,) float64, as `take_fitting`; those that fit stay in the line for the next pass.
+
+    line (n,) int64: the first state[0] entries are in the line; state[1]: the place it is at; state[2]: how many were kept.
+    Returns how many were taken.
+    """
+    count, planned = 0, 0.0
+    while state[1] < state[0] and planned < enough:
+        item = line[state[1]]
+        state[1] += 1
+        if cost[item] <= remaining - planned:
+            planned += cost[item]
+            taken[count] = item
+            count += 1
+            line[state[2]] = item
+            state[2] += 1
+    return count
+
+
+@kernel
+def select_nodes(cost, by_relevance, pointers, traced, state, remaining, enough, taken):
+    """Selections in the paper's graph, one after the other, until those selected cost `enough` together or none fits.
+
+    Nodes are in order of falling `cost` (n,) float64. From the head (state[0]) walk to the first node that is left and fits;
+    from there follow the pointers (n, N) int32, each to the first node that is still there, until there is none. With N = 0
+    they are fresh: then the first one of every node leads to the most relevant node left, which is the first in
+    `by_relevance` (n,) int32 from place state[1] on that is not before the head.
+    traced (n,) uint8, state (2,) int64 are carried from call to call; taken (n,) int64 gets the nodes. Returns how many.
+    """
+    count, planned, nodes = 0, 0.0, len(cost)
+    while planned < enough:
+        head = state[0]
+        while head < nodes and (traced[head] or cost[head] > remaining - planned):
+            head += 1
+        state[0] = head
+        if head == nodes:
+            break
+        node = head
+        if pointers.shape[1] == 0:
+            place = state[1]
+            while by_relevance[place] < head or traced[by_relevance[place]]:
+                place += 1
+            state[1] = place
+            node = by_relevance[place]
+        else:
+            better = node
+            while better >= 0:
+                node, better = better, -1
+                for k in range(pointers.shape[1]):
+                    pointer = pointers[node, k]
+                    if pointer >= 0 and not traced[pointer]:
+                        better = pointer
+                        break
+        traced[node] = 1
+        planned += cost[node]
+        taken[count] = node
+        count += 1
+    return count
+
+
+@kernel
+def take_steps(item, passes, cost, place, remaining, enough, row_of_item, taken):
+    """Steps (s,) in order from place[0] on, as `take_fitting`: those that fit, until they cost `enough` together.
+
+    taken (k, 2) int32 gets items and passes, one row for all steps of an item; row_of_item (n,) int32 is -1 before and after.
+    Returns how many rows there are.
+    """
+    count, planned = 0, 0.0
+    while place[0] < len(item) and planned < enough:
+        step = place[0]
+        place[0] += 1
+        if cost[step] > remaining - planned:
+            continue
+        planned += cost[step]
+        row = row_of_item[item[step]]
+        if row < 0:
+            row = count
+            row_of_item[item[step]] = row
+            taken[row, 0], taken[row, 1] = item[step], 0
+            count += 1
+        taken[row, 1] += passes[step]
+    for row in range(count):
+        row_of_item[taken[row, 0]] = -1
+    return count

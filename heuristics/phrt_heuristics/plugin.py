@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from phrt.registry import HeuristicPlugin, hookimpl
-from phrt_heuristics.options import RandomOptions, SelectionGraphOptions
+from phrt_heuristics.options import GainOptions, RandomOptions, SelectionGraphOptions
 
 
 @hookimpl
@@ -14,6 +14,12 @@ def phrt_heuristics() -> list[HeuristicPlugin]:
             summary="The paper's: the most relevant that fits, found in a graph by falling cost.",
             factory="phrt_heuristics.selection_graph:SelectionGraph",
             options=SelectionGraphOptions,
+        ),
+        HeuristicPlugin(
+            name="gain",
+            summary="What tracing an item was measured to change in the picture, for its price.",
+            factory="phrt_heuristics.gain:Gain",
+            options=GainOptions,
         ),
         HeuristicPlugin(
             name="greedy_relevance",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phrt.interfaces.heuristic import Candidates
+from phrt_heuristics.kernels import take_fitting
 
 
 class Queue:
@@ -19,15 +20,18 @@ class Queue:
         kept = np.flatnonzero(candidates.mandatory) if mandatory_only else np.arange(len(candidates))
         by = (candidates.keys(), *order_by, ~candidates.mandatory)
         order = kept[np.lexsort([values[kept] for values in by])]
-        self._items: list[int] = order.tolist()
-        self._costs: list[float] = candidates.predicted_cost[order].astype(np.float64).tolist()
-        self._place = 0
+        self._items = order.astype(np.int32)
+        self._costs = candidates.predicted_cost[order].astype(np.float64)
+        self._place = np.zeros(1, np.int64)
 
     def next(self, remaining: float) -> int | None:
         """The first item in order that costs no more than `remaining`."""
-        while self._place < len(self._items):
-            place = self._place
-            self._place += 1
-            if self._costs[place] <= remaining:
-                return self._items[place]
-        return None
+        taken = self.take(remaining, 0.0)
+        return int(taken[0]) if len(taken) else None
+
+    def take(self, remaining: float, enough: float) -> np.ndarray:
+        """(k,) int32, the first items in order that fit one after the other, until they cost `enough` together; at least one,
+        if there is one."""
+        taken = np.empty(len(self._items) - int(self._place[0]), np.int64)
+        count = take_fitting(self._costs, self._place, remaining, max(enough, 1e-300), taken)
+        return self._items[taken[:count]]

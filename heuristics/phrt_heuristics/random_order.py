@@ -27,15 +27,18 @@ class RandomOrder(Heuristic):
     """In the order of a hash of (seed, frame, item)."""
 
     def __init__(self, options: RandomOptions) -> None:
-        self._seed = options.seed
+        self._options = options
         self._queue: Queue | None = None
 
     def begin_frame(self, candidates: Candidates, context: FrameContext) -> None:
-        start = splitmix64(splitmix64(np.array([self._seed], np.uint64)) ^ np.uint64(context.frame_index))
+        start = splitmix64(splitmix64(np.array([self._options.seed], np.uint64)) ^ np.uint64(context.frame_index))
         self._queue = Queue(candidates, splitmix64(start ^ splitmix64(candidates.keys().astype(np.uint64))))
 
     def next(self, remaining: float) -> int | None:
         return self._queue.next(remaining) if self._queue else None
+
+    def take(self, remaining: float, enough: float) -> np.ndarray | None:
+        return self._queue.take(remaining, enough) if self._queue else None
 
 
 def splitmix64(x: np.ndarray) -> np.ndarray:

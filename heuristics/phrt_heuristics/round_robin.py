@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic, Outcome
+from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic
 from phrt.registry import Options
 from phrt_heuristics.queue import Queue
 
@@ -36,8 +36,13 @@ class RoundRobin(Heuristic):
         self._queue = Queue(candidates, self._last_traced[self._keys])
 
     def next(self, remaining: float) -> int | None:
-        return self._queue.next(remaining) if self._queue else None
+        taken = self.take(remaining, 0.0)
+        return int(taken[0]) if len(taken) else None
 
-    def report(self, item: int, outcome: Outcome) -> None:
-        self._turn += 1
-        self._last_traced[self._keys[item]] = self._turn
+    def take(self, remaining: float, enough: float) -> np.ndarray:
+        if self._queue is None:
+            return np.zeros(0, np.int32)
+        items = self._queue.take(remaining, enough)
+        self._last_traced[self._keys[items]] = np.arange(self._turn + 1, self._turn + 1 + len(items))
+        self._turn += len(items)
+        return items

@@ -24,6 +24,8 @@ Example::
 
 from __future__ import annotations
 
+import numpy as np
+
 from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic
 from phrt_heuristics.graph import Graph
 from phrt_heuristics.options import SelectionGraphOptions
@@ -54,6 +56,13 @@ class SelectionGraph(Heuristic):
                 return item
             self._mandatory = None
         return None if self._graph is None else self._graph.select(remaining)
+
+    def take(self, remaining: float, enough: float) -> np.ndarray | None:
+        if self._mandatory is not None:
+            if len(items := self._mandatory.take(remaining, enough)):
+                return items
+            self._mandatory = None
+        return None if self._graph is None else self._graph.take(remaining, enough)
 
     def end_frame(self) -> None:
         if self._graph is not None:

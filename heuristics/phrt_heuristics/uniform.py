@@ -18,6 +18,7 @@ import numpy as np
 
 from phrt.interfaces.heuristic import PASSES, Candidates, FrameContext, Heuristic, Request
 from phrt.registry import Options
+from phrt_heuristics.kernels import take_passing
 from phrt_heuristics.queue import Queue
 
 
@@ -26,35 +27,35 @@ class Uniform(Heuristic):
 
     def __init__(self, options: Options) -> None:
         self._mandatory: Queue | None = None
-        self._line: list[int] = []
-        self._place = 0
-        self._passed: list[int] = []
+        self._line = np.zeros(0, np.int64)
+        self._state = np.zeros(3, np.int64)
         self._passes = 0
-        self._pass_cost: list[float] = []
-        self._requests: list[Request] = []
+        self._pass_cost = np.zeros(0)
 
     def begin_frame(self, candidates: Candidates, context: FrameContext) -> None:
         self._mandatory = Queue(candidates, -candidates.relevance, mandatory_only=True)
         others = np.flatnonzero(~candidates.mandatory)
-        by = (candidates.keys()[others], -candidates.relevance[others])
-        self._line = others[np.lexsort(by)].tolist()
-        self._place, self._passed, self._passes = 0, [], 0
-        self._pass_cost = (candidates.predicted_cost.astype(np.float64) / PASSES).tolist()
-        self._requests += [Request(item, 1) for item in range(len(self._requests), len(candidates))]
+        self._line = others[np.lexsort((candidates.keys()[others], -candidates.relevance[others]))]
+        # In the line, the place it is at, and how many of those so far keep their place in the next pass.
+        self._state = np.array([len(self._line), 0, 0])
+        self._passes = 0
+        self._pass_cost = candidates.predicted_cost.astype(np.float64) / PASSES
 
-    def next(self, remaining: float) -> int | Request | None:
+    def next(self, remaining: float) -> Request | None:
+        taken = self.take(remaining, 0.0)
+        return Request(int(taken[0, 0]), int(taken[0, 1])) if len(taken) else None
+
+    def take(self, remaining: float, enough: float) -> np.ndarray:
         if self._mandatory is not None:
-            if (whole := self._mandatory.next(remaining)) is not None:
-                return whole
+            if len(items := self._mandatory.take(remaining, enough)):
+                return np.stack([items, np.full_like(items, PASSES)], axis=1)
             self._mandatory = None
-        while self._line and self._passes < PASSES:
-            while self._place < len(self._line):
-                item = self._line[self._place]
-                self._place += 1
-                if self._pass_cost[item] <= remaining:
-                    self._passed.append(item)
-                    return self._requests[item]
+        taken = np.empty(len(self._line), np.int64)
+        while self._passes < PASSES:
+            count = take_passing(self._pass_cost, self._line, self._state, remaining, max(enough, 1e-300), taken)
+            if count:
+                return np.stack([taken[:count], np.ones(count, np.int64)], axis=1)
             # The next pass is of those that had this one.
-            self._line, self._place, self._passed = self._passed, 0, []
+            self._state[:] = self._state[2], 0, 0
             self._passes += 1
-        return None
+        return np.zeros((0, 2), np.int64)

@@ -109,6 +109,15 @@ def test_it_is_plain_yaml() -> None:
     assert data["measured"]["/ball"]["rays_per_pixel"] == {"reflections": {"default": 2.5, "night": 2.25}}
 
 
+def test_sections_and_lines_may_be_empty(tmp_path: Path) -> None:
+    path = tmp_path / "p.yaml"
+    path.write_text(text_of(objects={"/ball": None, "/wall": {}}).replace("null", ""))
+    assert read_profile(path).objects == {"/ball": Given(), "/wall": Given()}
+    bare = profile().model_copy(update={"objects": {}, "measured": {}, "effects": {}})
+    write_profile(path, bare)
+    assert read_profile(path) == bare
+
+
 def test_a_write_that_fails_leaves_the_old_one(tmp_path: Path) -> None:
     path = tmp_path / "there.yaml"
     path.mkdir()

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from candidate_kit import rows
-from scene_kit import GLASS, LAMBERT, MIRROR, Stage, at, ball, box, floor
+from scene_kit import hall
 
 import phrt
 from phrt.errors import OptionError
@@ -18,17 +18,6 @@ from phrt.scene import Scene
 
 SIZE = (96, 64)
 CHOOSING = ("selection_graph", "greedy_relevance", "greedy_ratio", "uniform", "round_robin", "random", "all_trace")
-
-
-def hall(**switches: Any) -> Scene:
-    """Eight things on a floor, a third of them mirrors, a third glass; `switches` are those of the first mirror ball."""
-    made = Stage(dome=(0.3, 0.4, 0.6)).add("/floor", floor(), LAMBERT, at(0, -0.5, 0))
-    for number in range(8):
-        material, thing = ((MIRROR, ball(0.35, 3)), (GLASS, ball(0.35, 3)), (LAMBERT, box(0.6, 0.6, 0.6)))[number % 3]
-        place = at(-1.8 + 1.2 * (number % 4), -0.15, -1.4 * (number // 4))
-        made.add(f"/thing{number}", thing, material, place, **(switches if number == 0 else {}))
-    made.light("point", at(1, 3, 2), intensity=40.0).light("point", at(-2, 3, 1), intensity=20.0)
-    return made.camera((0, 1.2, 4), (0, 0, -0.5), fov_y=0.8).scene
 
 
 def frames(count: int, scene: Scene | None = None, **options: Any) -> list[FrameResult]:

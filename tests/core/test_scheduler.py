@@ -468,9 +468,9 @@ def test_small_items_share_what_they_took_together_by_prediction() -> None:
     assert decisions.rays.tolist() == [660, 440, 0, 0, 0]
 
 
-def test_an_item_that_was_refused_is_not_asked_for_again_in_the_wave() -> None:
+def test_an_item_that_was_refused_is_not_asked_for_forever() -> None:
     with pytest.raises(PluginError, match="heuristic Picks returned item 0: not one of 5, or twice"):
-        run(painters(), Picks([0, 0]), Faults(strict=True), budget=500)
+        run(painters(), Picks([0] * 20), Faults(strict=True), budget=500)
 
 
 def test_no_budget_at_all_traces_nothing() -> None:

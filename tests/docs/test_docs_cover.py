@@ -25,7 +25,7 @@ def test_every_hook_is_documented(kind: str, descriptor: type) -> None:
 def test_every_heuristic_is_documented() -> None:
     page = (PROJECT / "docs" / "heuristics.md").read_text()
     names = [entry.name for entry in get_registry().plugins("heuristic") if entry.origin == "built-in"]
-    assert len(names) == 8
+    assert len(names) == 9
     assert [name for name in names if f"| `{name}` |" not in page] == []
 
 
@@ -46,5 +46,5 @@ def test_every_error_is_documented(name: str) -> None:
 def test_every_command_is_documented() -> None:
     pages = "\n".join(path.read_text() for path in [PROJECT / "README.md", *(PROJECT / "docs").rglob("*.md")])
     names = [str(c.name) for c in app.registered_commands] + [str(g.name) for g in app.registered_groups]
-    assert len(names) == 4
+    assert len(names) == 6
     assert [name for name in names if f"phrt {name}" not in pages] == []

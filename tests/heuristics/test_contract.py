@@ -7,13 +7,11 @@ import math
 import numpy as np
 import pytest
 from candidate_kit import candidates, context, items_of, one_frame, rows
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from phrt.interfaces.heuristic import PASSES, Candidates, Request
 from phrt.registry import get_registry
-
-UNHURRIED = settings(deadline=None)  # the first call may compile a kernel
 
 NAMES = sorted(entry.name for entry in get_registry().plugins("heuristic") if entry.origin == "built-in")
 CHOOSING = [name for name in NAMES if name != "raster_only"]
@@ -32,7 +30,6 @@ def made_of(items: list[tuple[int, int, bool]]) -> Candidates:
 
 
 @pytest.mark.parametrize(("name", "options"), VARIANTS)
-@UNHURRIED
 @given(items=works, budget=budgets)
 def test_no_item_is_over_the_remaining_budget_or_comes_twice(
     name: str, options: dict[str, object], items: list[tuple[int, int, bool]], budget: float
@@ -47,7 +44,6 @@ def test_no_item_is_over_the_remaining_budget_or_comes_twice(
 
 
 @pytest.mark.parametrize(("name", "options"), VARIANTS)
-@UNHURRIED
 @given(items=works, falling=st.lists(st.integers(0, 80), max_size=100))
 def test_an_item_fits_whatever_is_left_at_each_call(
     name: str, options: dict[str, object], items: list[tuple[int, int, bool]], falling: list[int]
@@ -63,7 +59,6 @@ def test_an_item_fits_whatever_is_left_at_each_call(
 
 
 @pytest.mark.parametrize(("name", "options"), VARIANTS)
-@UNHURRIED
 @given(items=works, budget=budgets)
 def test_mandatory_items_come_first(
     name: str, options: dict[str, object], items: list[tuple[int, int, bool]], budget: float
@@ -76,7 +71,6 @@ def test_mandatory_items_come_first(
 
 
 @pytest.mark.parametrize(("name", "options"), VARIANTS)
-@UNHURRIED
 @given(items=works, budget=budgets, shuffle=st.randoms(use_true_random=False))
 def test_the_order_of_candidates_does_not_matter(
     name: str, options: dict[str, object], items: list[tuple[int, int, bool]], budget: float, shuffle: object
@@ -119,3 +113,22 @@ def test_keys_are_of_object_and_effect_name_and_not_of_the_order_of_effects() ->
     other = candidates([1.0, 1.0], effect_names=("b", "a"), effect=np.array([1, 0], np.int32))
     assert one.keys().tolist() == other.keys().tolist() == [2, 5]
     assert len(set(one.keys().tolist())) == 2
+
+
+@pytest.mark.parametrize(("name", "options"), VARIANTS)
+@given(items=works, budget=st.integers(0, 600).map(float), share=st.sampled_from([0.0, 0.3, 1.0]))
+def test_many_at_once_are_the_same_as_one_by_one(
+    name: str, options: dict[str, object], items: list[tuple[int, int, bool]], budget: float, share: float
+) -> None:
+    work = made_of(items)
+    expected = one_frame(get_registry().create("heuristic", name, options), work, budget)
+    heuristic = get_registry().create("heuristic", name, options)
+    heuristic.begin_frame(work, context(budget))
+    remaining, found = budget, []
+    while (taken := heuristic.take(remaining, share * remaining)) is not None and len(taken):
+        table = taken if taken.ndim == 2 else np.stack([taken, np.full(len(taken), PASSES)], axis=1)
+        assert len(np.unique(table[:, 0])) == len(table), "an item twice in one answer"
+        for item, passes in table.tolist():
+            found.append((item, passes))
+            remaining -= float(work.predicted_cost[item]) * passes / PASSES
+    assert taken is None or found == expected

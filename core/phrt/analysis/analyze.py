@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -12,6 +11,7 @@ import numpy as np
 from phrt.analysis.probes import Findings, probe
 from phrt.analysis.rules import changes_nothing, factors, kinds_of, measured_factors, rule_factors
 from phrt.controls import known_situations
+from phrt.machine import machine_name
 from phrt.profile import (
     PROFILE_VERSION,
     EffectCost,
@@ -23,8 +23,10 @@ from phrt.profile import (
     objects_hash,
 )
 from phrt.scene import Scene, SceneObject
-from phrt.workers import usable_cores
 from phrt.world import World
+
+ALIKE = 0.1
+"""Relative; situations whose importance differs by no more are one."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ def analyze(
     }
     measured = {path: _measured(path, entry, looked, known_situations(plain.scene)) for path, entry in entries.items()}
     gain = {path: _gain(path, looked) for path in entries}
-    order = sorted(entries, key=lambda path: (-gain[path], path))
+    order = sorted(entries, key=lambda path: (-gain[path], not measured[path].seen, path))
     return Profile(
         phrt_profile=PROFILE_VERSION,
         scene=ProfiledScene(
@@ -77,17 +79,12 @@ def analyze(
             size=options.size,
             situations=list(situations),
             tone_map=options.tone_map,
-            machine=machine(),
+            machine=machine_name(),
         ),
         effects=_effects(looked.values()),
         objects={path: Given(importance=measured[path].importance, effects=measured[path].effects) for path in order},
         measured={path: measured[path] for path in order},
     )
-
-
-def machine() -> str:
-    """What costs depend on, roughly: the processor and how many cores of it can be used."""
-    return f"{platform.machine()} {platform.processor() or platform.system()}, {usable_cores()} cores"
 
 
 def _look(scene: Scene, options: ProbeOptions, done: Callable[[], None]) -> _Looked:
@@ -137,8 +134,9 @@ def _importance(entry: SceneObject, mine: dict[str, tuple[_Looked, int]], situat
         look, at = mine.get(situation, (first, row))
         said = look.scene.objects[at - 1].importance if situation in mine else entry.importance
         found[situation] = _short(said.get(situation, said.get("default", 1.0)) * float(look.factor[at]))
-    # What is left out is as `default`.
-    return {name: value for name, value in found.items() if name == "default" or value != found["default"]}
+    # What is left out is as `default`; a tenth more or less is that, too.
+    usual = found["default"]
+    return {name: value for name, value in found.items() if name == "default" or abs(value - usual) > ALIKE * usual}
 
 
 def _short(value: float) -> float:

@@ -11,14 +11,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from phrt.clock import RecordingClock, WallClock
 from phrt.frame import FrameResult
 from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic
 from phrt.output.tonemap import to_8bit
 from phrt.renderer import Renderer
 from phrt.scene import Scene
-
-EVERYTHING = "1000000000000rays"
-"""A budget that is never spent: with a budget every item is traced and counted by itself."""
 
 
 class LeaveOut(Heuristic):
@@ -98,24 +96,29 @@ def probe(
 ) -> Findings:
     """What `frames` probes of `scene` at `size` (width, height) find; `done` is called after each."""
     heuristic = LeaveOut()
-    with Renderer(scene, size=size, heuristic=heuristic, threads=threads) as renderer:
+    # Not a plain WallClock: what probes cost is for the profile, and not what the next run begins with.
+    clock = RecordingClock(WallClock())
+    with Renderer(
+        scene, size=size, heuristic=heuristic, threads=threads, budget="none", clock=clock, history=False
+    ) as renderer:
         findings = Findings.nothing(len(scene.objects), tuple(effect.name for effect in renderer.effects))
+
+        def picture(number: int, time: float, *left_out: str, count: bool = False) -> FrameResult:
+            """Without some effects; the same randomness every time. count: rays item by item."""
+            heuristic.left_out, renderer.measure_each = frozenset(left_out), count
+            return renderer.render(time, frame_index=number, camera=camera)
+
         for number, time in probe_times(scene, frames):
-
-            def picture(left_out: frozenset[str], budget: str, number: int = number, time: float = time) -> FrameResult:
-                heuristic.left_out = left_out
-                renderer.control(budget=budget)
-                return renderer.render(time, frame_index=number, camera=camera)
-
-            whole = picture(frozenset(), EVERYTHING)
+            whole = picture(number, time, count=True)
             seen = whole.gbuffer.object_id.ravel()
             shown = _shown(whole, tone_map)
             for column, name in enumerate(findings.effect_names):
-                without = _shown(picture(frozenset([name]), "none"), tone_map)
+                without = _shown(picture(number, time, name), tone_map)
                 _add_change(findings, column, seen, np.abs(shown - without).mean(axis=1))
-            bare = _shown(picture(frozenset(findings.effect_names), "none"), tone_map)
+            bare = _shown(picture(number, time, *findings.effect_names), tone_map)
             _add_sight(findings, whole, seen, np.abs(shown - bare).mean(axis=1))
             done()
+        findings.coefficients = renderer.costs()
     return findings
 
 

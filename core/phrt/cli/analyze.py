@@ -151,7 +151,8 @@ def report(path: Path, profile: Profile, kept: list[Decision], as_json: bool) ->
         )
         return
     say(f"{path}: {len(profile.measured)} objects in {probes} probes ({', '.join(profile.probes.situations)})")
-    say(f"  {ruled_out} times an effect changes nothing about an object and is ruled out")
+    if ruled_out:
+        say(f"  effects ruled out because they change nothing: {ruled_out}, over all objects")
     if decided:
         more = f" and {len(decided) - _NAMED} more" if len(decided) > _NAMED else ""
         say(f"  kept what was decided by hand: {', '.join(decided[:_NAMED])}{more}")

@@ -16,6 +16,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from phrt.errors import PhrtWarning
 
 PROGRESS_AFTER_S = 2.0
+FILE_WIDTH = 240
+"""Columns of a table that no terminal shows."""
 
 
 @dataclass
@@ -39,6 +41,12 @@ def messages() -> Console:
 def results() -> Console:
     """Standard output."""
     return Console(highlight=False, soft_wrap=True)
+
+
+def print_table(table: object) -> None:
+    """A rich table on standard output: as wide as the terminal, or as it likes where it is read by a program."""
+    width = None if sys.stdout.isatty() else FILE_WIDTH
+    Console(highlight=False, width=width).print(table, overflow="fold")
 
 
 def say(text: str) -> None:

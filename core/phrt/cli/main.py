@@ -9,8 +9,10 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from phrt.cli.analyze import analyze
 from phrt.cli.console import escape, messages, terminal, tidy_warnings
 from phrt.cli.doctor import doctor
+from phrt.cli.explain import explain
 from phrt.cli.plugins import plugins_app
 from phrt.cli.render import render
 from phrt.cli.schema import schema
@@ -63,6 +65,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("render")(render)
+app.command("analyze")(analyze)
+app.command("explain")(explain)
 app.add_typer(plugins_app, name="plugins")
 app.command("doctor")(doctor)
 app.command("schema")(schema)

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from phrt.controls import checked_attention, not_negative
 from phrt.errors import OptionError
 from phrt.limits import MAX_PIXELS, MAX_SIDE, MOST_FRAMES
 
@@ -75,13 +76,31 @@ def parse_effects(assignments: Iterable[str]) -> dict[str, dict[str, object]]:
 
 def parse_heuristic_options(assignments: Iterable[str]) -> dict[str, object]:
     """Every "OPTION=VALUE" of `-H`."""
-    options: dict[str, object] = {}
+    return parse_assignments("-H", assignments, "OPTION=VALUE, as in seed=3")
+
+
+def parse_controls(attention: list[str], view_speed: float | None, parameters: list[str]) -> dict[str, object]:
+    """The controls that were given, by name: what `Renderer.control` takes."""
+    given: dict[str, object] = {}
+    if attention:
+        factors = parse_assignments("--attention", attention, "TAG=FACTOR, as in gold=3")
+        given["attention"] = checked_attention(factors, "--attention")
+    if view_speed is not None:
+        given["view_speed"] = not_negative("--view-speed", view_speed)
+    if parameters:
+        given["parameters"] = parse_assignments("--parameter", parameters, "NAME=VALUE, as in hurry=0.5")
+    return given
+
+
+def parse_assignments(option: str, assignments: Iterable[str], expected: str) -> dict[str, object]:
+    """Every "KEY=VALUE" of `option`, values as YAML reads them."""
+    values: dict[str, object] = {}
     for assignment in assignments:
         key, equals, value = assignment.partition("=")
         if not (equals and key.strip()):
-            raise OptionError(f"-H is '{assignment}', expected OPTION=VALUE, as in seed=3")
-        options[key.strip()] = parse_value(value)
-    return options
+            raise OptionError(f"{option} is '{assignment}', expected {expected}")
+        values[key.strip()] = parse_value(value)
+    return values
 
 
 def parse_camera(text: str) -> int | str:

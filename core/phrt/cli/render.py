@@ -17,6 +17,7 @@ from phrt.cli.parsing import (
     FrameRange,
     check_number,
     parse_camera,
+    parse_controls,
     parse_effects,
     parse_frames,
     parse_heuristic_options,
@@ -36,10 +37,11 @@ DEFAULT_TONE_MAP = "neutral"
 
 @dataclass(frozen=True)
 class Moment:
-    """One frame to render: its number, and its time in seconds."""
+    """One frame to render: its number, its time in seconds, and whether it is written."""
 
     index: int
     time: float
+    shown: bool = True
 
 
 def render(
@@ -58,12 +60,12 @@ def render(
         typer.Option("-H", "--heuristic-option", metavar="OPTION=VALUE", help="Option of the heuristic, as seed=3."),
     ] = None,
     budget: Annotated[
-        str,
+        str | None,
         typer.Option(
             metavar="BUDGET",
-            help="What a frame may take: 50ms (all of it), rays:20ms (its ray phase), 200000rays, or none.",
+            help="What a frame may take: 50ms (all of it), rays:20ms (its ray phase), 200000rays, or none; the scene's track's.",
         ),
-    ] = "none",
+    ] = None,
     cost_model: Annotated[
         str, typer.Option(help="What budgets are held by: measured (rays and their time) or paper (one price for C).")
     ] = "measured",
@@ -72,6 +74,24 @@ def render(
     ] = "object_effect",
     persistence: Annotated[
         float | None, typer.Option(help="How much having been traced in the previous frame counts: I of the paper.")
+    ] = None,
+    profile: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="What `phrt analyze` found: importance, effects to leave out, costs. Without it: what the scene says.",
+        ),
+    ] = None,
+    attention: Annotated[
+        list[str] | None,
+        typer.Option(metavar="TAG=FACTOR", help="What is looked for: objects with this tag count more. Repeatable."),
+    ] = None,
+    view_speed: Annotated[
+        float | None, typer.Option(help="How much movement in the picture lowers visibility; 0 not at all.")
+    ] = None,
+    parameter: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="External parameter for heuristics that know it. Repeatable."),
     ] = None,
     frames: Annotated[
         str | None, typer.Option(metavar="A:B", help="Frames A to B - 1, or one frame; all of them for a video.")
@@ -87,6 +107,10 @@ def render(
     tracer: Annotated[str, typer.Option(help="Tracer; auto takes the fastest that is available.")] = "auto",
     threads: Annotated[int | None, typer.Option(help="Threads; all cores when not given.")] = None,
     aa: Annotated[int, typer.Option("--aa", help="Samples per pixel; 1 to 1024.")] = 1,
+    history: Annotated[
+        bool,
+        typer.Option("--history/--no-history", help="Values of earlier frames stand in where nothing is traced."),
+    ] = True,
     tone_map: Annotated[str | None, typer.Option(help="srgb, aces or neutral; the scene's, or neutral.")] = None,
     exposure: Annotated[float | None, typer.Option(help="Factor on the light of the picture.")] = None,
     layers: Annotated[Path | None, typer.Option(metavar="DIR", help="Also write every layer into this folder.")] = None,
@@ -125,7 +149,8 @@ def render(
 ) -> None:
     """Render SCENE into a picture, a sequence, a video or EXR layers."""
     # What can be wrong without reading the scene is said before reading it.
-    rays = parse_budget(budget, "--budget")
+    limit = None if budget is None else parse_budget(budget, "--budget")
+    controls = parse_controls(attention or [], view_speed, parameter or [])
     decides = parse_heuristic_options(heuristic_option or [])
     if persistence is not None:
         check_number("--persistence", persistence, 0, 1e9)
@@ -140,7 +165,7 @@ def render(
         asked = {
             "--heuristic": bool(heuristic),
             "-H": bool(decides),
-            "--budget": budget != "none",
+            "--budget": budget not in (None, "none"),
             "--time": time is not None,
         }
         check_exclusive(asked)
@@ -152,7 +177,6 @@ def render(
     from phrt.loading import load_scene
     from phrt.overlay import chosen_effects
     from phrt.recording import Recorder
-    from phrt.relevance import DEFAULT_PERSISTENCE
     from phrt.renderer import Renderer
 
     with DelayedProgress(1, f"loading {scene.name}"):
@@ -167,13 +191,15 @@ def render(
         else:
             moments = choose_moments(loaded, given_frames, time, is_video(output))
         curve = tone_map or settings.tone_map or DEFAULT_TONE_MAP
-        writer = open_writer(output, len(moments), width_height, settings.fps, curve, layers, tint)
+        shown = sum(moment.shown for moment in moments)
+        writer = open_writer(output, shown, width_height, settings.fps, curve, layers, tint)
 
     chosen: dict[str, Any] = {
         "heuristic": heuristic or settings.heuristic or DEFAULT_HEURISTIC,
         "heuristic_options": decides or None,
-        "budget": rays,
-        "persistence": DEFAULT_PERSISTENCE if persistence is None else persistence,
+        "budget": limit,
+        "persistence": persistence,
+        "profile": profile,
         "cost_model": cost_model,
         "group_by": group_by,
         "strict": strict,
@@ -182,6 +208,7 @@ def render(
         "threads": threads,
         "effects": options or None,
         "aa": aa,
+        "history": history,
     }
     if rerun:
         chosen = rerun.options(loaded, chosen)
@@ -193,6 +220,7 @@ def render(
         Renderer(loaded, size=width_height, **chosen) as renderer,
         ExitStack() as recording,
     ):
+        renderer.control(**controls)
         if tint is not None:
             chosen_effects([effect.name for effect in renderer.effects], tint)
         if rerun:
@@ -207,10 +235,12 @@ def render(
                 progress.step(f"rendering frame {moment.index}")
             seen = rerun.view(moment.index, width_height) if rerun and camera == "0" else parse_camera(camera)
             frame = renderer.render(moment.time, frame_index=moment.index, camera=seen)
+            progress.advance()
+            if not moment.shown:
+                continue
             if recorder is not None:
                 recorder.add(frame)
             writer.add(moment.index, frame)
-            progress.advance()
             rows.append(frame_row(moment, frame))
     report(rows, [str(path) for path in writer.files], output, width_height, as_json, record)
 

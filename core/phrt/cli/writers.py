@@ -8,6 +8,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from phrt.errors import OptionError
 from phrt.output.files import check_output
 from phrt.output.images import PICTURE_SUFFIXES, write_png
@@ -40,29 +42,32 @@ class FrameWriter(ABC):
 class PictureWriter(FrameWriter):
     """One file a frame: tone mapped .png, or .exr with the linear picture and every layer of light."""
 
-    def __init__(self, output: Path, tone_map: str, layers: Path | None, many: bool) -> None:
+    def __init__(self, output: Path, tone_map: str, layers: Path | None, many: bool, tint: str | None) -> None:
         self.files = []
         self._output, self._tone_map, self._layers, self._many = output, tone_map, layers, many
+        self._tint = tint
 
     def add(self, index: int, frame: FrameResult) -> None:
         path = numbered(self._output, index)
         if path.suffix.lower() == ".exr":
             self.files.append(write_light_exr(path, frame))
         else:
-            self.files.append(write_png(path, to_8bit(frame.image, self._tone_map)))
+            self.files.append(write_png(path, developed(frame, self._tone_map, self._tint)))
         add_layers(self, self._layers, index if self._many else None, frame, self._tone_map)
 
 
 class MovieWriter(FrameWriter):
     """All frames into one video."""
 
-    def __init__(self, output: Path, tone_map: str, layers: Path | None, size: tuple[int, int], fps: float) -> None:
+    def __init__(
+        self, output: Path, tone_map: str, layers: Path | None, size: tuple[int, int], fps: float, tint: str | None
+    ) -> None:
         self.files = []
-        self._output, self._tone_map, self._layers = output, tone_map, layers
+        self._output, self._tone_map, self._layers, self._tint = output, tone_map, layers, tint
         self._video = VideoWriter(output, size, fps)
 
     def add(self, index: int, frame: FrameResult) -> None:
-        self._video.add(to_8bit(frame.image, self._tone_map))
+        self._video.add(developed(frame, self._tone_map, self._tint))
         add_layers(self, self._layers, index, frame, self._tone_map)
 
     def __enter__(self) -> FrameWriter:
@@ -77,22 +82,42 @@ class MovieWriter(FrameWriter):
             self.files.insert(0, self._output)
 
 
+def developed(frame: FrameResult, tone_map: str, tint: str | None) -> np.ndarray:
+    """(H, W, 3) uint8 sRGB: the picture, or its overlay of the effect `tint` ("all" for all of them)."""
+    if tint is None:
+        return to_8bit(frame.image, tone_map)
+    from phrt.overlay import overlay
+
+    return overlay(frame, tint, tone_map=tone_map)
+
+
 def open_writer(
-    output: Path, frame_count: int, size: tuple[int, int], fps: float, tone_map: str, layers: Path | None
+    output: Path,
+    frame_count: int,
+    size: tuple[int, int],
+    fps: float,
+    tone_map: str,
+    layers: Path | None,
+    tint: str | None = None,
 ) -> FrameWriter:
-    """The writer for `output`. Cheap; raises OptionError for a path that cannot be written or fits no sequence."""
+    """The writer for `output`. Cheap; raises OptionError for a path that cannot be written or fits no sequence.
+
+    tint: the effect whose overlay is written instead of the picture, "all" for all of them.
+    """
     curve_code(tone_map)
     check_output(numbered(output, 0), (*PICTURE_SUFFIXES, *VIDEO_SUFFIXES))
     if layers is not None and layers.exists() and not layers.is_dir():
         raise OptionError(f"cannot write layers into '{layers}': it is a file, not a folder")
+    if tint is not None and output.suffix.lower() == ".exr":
+        raise OptionError(f"--overlay tints what is seen, and '{output}' holds light: give a .png or a video")
     if output.suffix.lower() in VIDEO_SUFFIXES:
-        return MovieWriter(output, tone_map, layers, size, fps)
+        return MovieWriter(output, tone_map, layers, size, fps, tint)
     if frame_count > 1 and not is_pattern(output):
         pattern = output.with_name(f"{output.stem}_%04d{output.suffix}")
         raise OptionError(
             f"{frame_count} frames do not fit into '{output}': give a pattern, as in {pattern}, or a video (.mp4)"
         )
-    return PictureWriter(output, tone_map, layers, frame_count > 1)
+    return PictureWriter(output, tone_map, layers, frame_count > 1, tint)
 
 
 def is_video(output: Path) -> bool:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -40,6 +41,27 @@ class EffectResult:
     traced: np.ndarray | None = None
 
 
+@dataclass(frozen=True)
+class HistoryRule:
+    """How long a value that was traced at a point may stand in for that point in later frames. Points of objects that moved
+    lose theirs anyway. Whatever else can change the value must be named here, or ghosts stay.
+
+    movers   : which moving objects can change it: those on the way from the point to a light, those within `radius` of it, or any.
+               Only objects that cast shadows count for the first two
+    lights   : does it depend on where and how bright lights are?
+    parallax : radians by which the eye may have gone round the point since; inf where the value does not depend on the eye.
+               A glossy surface is granted the width of its lobe more
+    max_age  : frames it may stand in; ages stop counting at 255, which is for ever
+    radius   : metres
+    """
+
+    movers: Literal["to_lights", "near", "any"]
+    lights: bool
+    parallax: float = math.inf
+    max_age: int = 255
+    radius: float = 0.0
+
+
 class RayEffect(ABC):
     """Contract: constructed from its pydantic options; everything but `trace` and `fallback` is cheap and repeatable.
     `trace` is called from several threads with disjoint pixels, and must give the same values for a pixel whatever
@@ -49,6 +71,8 @@ class RayEffect(ABC):
     reads: tuple[str, ...]
     """G-buffer channels it needs."""
     writes: LayerSpec
+    history: HistoryRule | None = None
+    """What its values of earlier frames are good for where nothing is traced; None when they are not kept."""
 
     @property
     def switch(self) -> str:

@@ -51,6 +51,9 @@ class Candidates:
     frames_since_traced: (n,) int32, 1 when traced, at least in part, in the previous frame; NEVER_TRACED if never
     measured_change   : (n,) float32, what tracing changes at a pixel against the effect's fallback, in the tone-mapped picture
                         (0 to 1), on average; NaN where it was never measured
+    measured_strength : (n,) float32, how large that change is where there is one: mean of its square / its mean
+    measured_detail   : (n,) float32, the same against the mean of traced neighbours two pixels away, which is what gaps are filled
+                        with; NaN where it was never measured
     measured_drift    : (n,) float32, the same against the history value, per frame of its age; NaN where never measured
     measured_ms_per_pixel: (n,) float32, milliseconds; NaN where never measured
     """
@@ -79,6 +82,8 @@ class Candidates:
     seen_frames: np.ndarray
     frames_since_traced: np.ndarray
     measured_change: np.ndarray
+    measured_strength: np.ndarray
+    measured_detail: np.ndarray
     measured_drift: np.ndarray
     measured_ms_per_pixel: np.ndarray
 
@@ -167,6 +172,10 @@ class Heuristic(ABC):
 
     wants_change: bool = False
     """Does it look at `measured_change` and `measured_drift`? They are measured only then, as it takes time."""
+
+    traces_everything: bool = False
+    """Without a budget, does it trace every item in every frame? Then nothing has to stand in, and values of earlier frames are
+    not looked for, as that takes time."""
 
     @abstractmethod
     def begin_frame(self, candidates: Candidates, context: FrameContext) -> None:

@@ -37,9 +37,10 @@ def scatter(pixels, values, traced, code, layer, mask):
 
 @kernel
 def fill_gaps(pixels, object_id, mask, width, height, traced_code, history_code, filled_code, layer):
-    """Pixels of partly traced items take the mean of the nearest traced pixels of their object, in growing rings up to 2.
+    """Pixels of partly traced items take the mean of the nearest pixels of their object that hold a value, in growing rings up
+    to 2.
 
-    pixels (n,) are the item's; those whose mask is neither `traced_code` nor `history_code` and that find a neighbour get
+    pixels (n,) are the item's; those whose mask is neither `traced_code` nor `history_code` and that find a neighbour whose is get
     `filled_code`. Returns how many found none. A partial item is a coarser effect, not stripes.
     """
     missing = 0
@@ -59,7 +60,8 @@ def fill_gaps(pixels, object_id, mask, width, height, traced_code, history_code,
                     if nx < 0 or ny < 0 or nx >= width or ny >= height:
                         continue
                     other = ny * width + nx
-                    if mask[other] == traced_code and object_id[other] == object_id[row]:
+                    holds = mask[other] == traced_code or mask[other] == history_code
+                    if holds and object_id[other] == object_id[row]:
                         for k in range(components):
                             if found == 0:
                                 layer[row, k] = layer[other, k]

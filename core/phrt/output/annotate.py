@@ -162,11 +162,13 @@ def centres(object_id: np.ndarray, count: int) -> list[tuple[int, int, int]]:
     pixels = np.bincount(flat, minlength=count + 1)
     x = np.bincount(flat, weights=np.tile(np.arange(width), height), minlength=count + 1)
     y = np.bincount(flat, weights=np.repeat(np.arange(height), width), minlength=count + 1)
+    share = np.maximum(pixels, 1)
+    away = (np.tile(np.arange(width), height) - (x / share)[flat]) ** 2
+    away += (np.repeat(np.arange(height), width) - (y / share)[flat]) ** 2
+    nearest = np.full(count + 1, np.inf)
+    np.minimum.at(nearest, flat, away)
+    place = np.zeros(count + 1, np.int64)
+    candidates = np.flatnonzero(away == nearest[flat])[::-1]
+    place[flat[candidates]] = candidates
     large = [i for i in np.argsort(-pixels, kind="stable").tolist() if i and pixels[i] >= SMALLEST_LABELLED * len(flat)]
-    found = []
-    for number in large:
-        middle = x[number] / pixels[number], y[number] / pixels[number]
-        rows, columns = np.nonzero(object_id == number)
-        nearest = int(np.argmin((columns - middle[0]) ** 2 + (rows - middle[1]) ** 2))
-        found.append((number, int(columns[nearest]), int(rows[nearest])))
-    return found
+    return [(number, int(place[number] % width), int(place[number] // width)) for number in large]

@@ -75,7 +75,7 @@ def _aces_fit(v: np.float32) -> np.float32:
 
 
 @njit(inline="always", error_model="numpy")
-def _neutral(r: np.float32, g: np.float32, b: np.float32) -> tuple[np.float32, np.float32, np.float32]:
+def neutral(r: np.float32, g: np.float32, b: np.float32) -> tuple[np.float32, np.float32, np.float32]:
     """Khronos PBR Neutral. Without branches: below the start of compression scale and keep come out as 1."""
     one, start = np.float32(1.0), np.float32(0.8 - 0.04)
     room = one - start
@@ -124,7 +124,7 @@ def _tone_map_rows(
             g = min(max(image[y, x, 1], zero), _BRIGHTEST)
             b = min(max(image[y, x, 2], zero), _BRIGHTEST)
             if curve_code == _NEUTRAL:
-                r, g, b = _neutral(r, g, b)
+                r, g, b = neutral(r, g, b)
             elif curve_code == _ACES:
                 r, g, b = _aces(r, g, b)
             curved[0, x], curved[1, x], curved[2, x] = r, g, b

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import os
 import platform
+from dataclasses import fields
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel
 
 from phrt.budget import Budget
+from phrt.clock import beneath
 from phrt.interfaces.effect import RayEffect
 from phrt.interfaces.heuristic import Heuristic
+from phrt.machine import cpu_model
 from phrt.registry import get_registry
 from phrt.workers import usable_cores
 
@@ -31,7 +33,14 @@ def resolved_config(renderer: Renderer) -> dict[str, Any]:
     config["tracer"] = {"name": renderer.tracer_name, "description": renderer.tracer.capabilities.description}
     config["gbuffer"] = {"name": renderer.gbuffer_name}
     config["threads"] = renderer.workers.threads
-    config["clock"] = type(getattr(renderer, "clock", None)).__name__
+    config["clock"] = type(beneath(renderer.clock)).__name__
+    config["history"] = renderer._history is not None
+    config["controls"] = {field.name: getattr(renderer.controls, field.name) for field in fields(renderer.controls)}
+    config["track"] = [
+        {"time": key.time}
+        | {f.name: v for f in fields(key.controls) if (v := getattr(key.controls, f.name)) is not None}
+        for key in renderer.scene.settings.track
+    ]
     # What else it holds in public: aa, budget, persistence, cost model, reserve, ...
     for name, value in vars(renderer).items():
         if not name.startswith("_") and name not in config and isinstance(value, (bool, int, float, str, Budget)):
@@ -68,7 +77,12 @@ def heuristic_config(heuristic: Heuristic) -> dict[str, Any]:
     """Its plugin's name (None for one that is no plugin), class and options."""
     home = f"{type(heuristic).__module__}:{type(heuristic).__qualname__}"
     named = [entry.name for entry in get_registry().plugins("heuristic") if entry.plugin.factory == home]
-    return {"name": named[0] if named else None, "class": home, "options": options_of(heuristic)}
+    return {
+        "name": named[0] if named else None,
+        "class": home,
+        "options": options_of(heuristic),
+        "traces_everything": heuristic.traces_everything,
+    }
 
 
 def options_of(plugin: object) -> dict[str, Any]:
@@ -107,16 +121,6 @@ def versions() -> dict[str, str | None]:
 def machine() -> dict[str, Any]:
     """Processor, cores that may be used, memory, system."""
     return {"cpu": cpu_model(), "cores": usable_cores(), "memory_gb": memory_gb(), "system": platform.platform()}
-
-
-def cpu_model() -> str:
-    """The processor's name, as far as the system tells."""
-    cpuinfo = Path("/proc/cpuinfo")
-    if cpuinfo.exists():
-        for line in cpuinfo.read_text(encoding="utf-8", errors="replace").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
 
 
 def memory_gb() -> float | None:

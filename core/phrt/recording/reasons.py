@@ -87,18 +87,19 @@ def known_effects(run: Run, items: Items) -> list[str]:
 
 
 def subject(effect: str, path: str) -> str:
-    """An item in words."""
+    """An item in words, with its verb: "shadows of /World/Floor by the light /Lights/Key were"."""
     kind, _, light = effect.partition("@")
     kind = "all effects" if kind == "all" else kind.replace("_", " ")
-    return f"{kind} of {path}" + (f" by the light {light}" if light else "")
+    verb = "were" if kind.endswith("s") else "was"
+    return f"{kind} of {path}" + (f" by the light {light} {verb}" if light else f" {verb}")
 
 
 def absent(run: Run, row: dict[str, Any], path: str, effect: str, visible: bool) -> str:
     """Why an object had no such item in a frame."""
     entry = next(entry for entry in run.config["scene"]["objects"] if entry["path"] == path)
-    what, kind = f"{subject(effect, path)} were not traced in frame {row['frame']}", effect.partition("@")[0]
+    what, kind = f"{subject(effect, path)} not traced in frame {row['frame']}", effect.partition("@")[0]
     if entry["effects"].get(kind) == "never":
-        return f"{what}: the scene forbids them (effects: {kind}: never)."
+        return f"{what}: the scene forbids it (effects: {kind}: never)."
     if kind != "all" and kind not in entry["applies"]:
         return f"{what}: the effect changes nothing on the object's materials."
     if visible:
@@ -112,33 +113,33 @@ def sentence(run: Run, row: dict[str, Any], items: Items, item: int) -> str:
     where = f"in frame {row['frame']}"
     match str(items["reason"][item]):
         case "selected":
-            why = f"{what} were traced whole {where}: {how_it_came(row, items, item)}; {took(items, item, row)}."
+            why = f"{what} traced whole {where}: {how_it_came(row, items, item)}; {took(items, item, row)}."
         case "reduced":
             why = (
-                f"{what} were traced at {share(items, item)} of their pixels {where}: {row['heuristic']} asked for no more; "
+                f"{what} traced at {share(items, item)} of the pixels {where}: {row['heuristic']} asked for no more; "
                 f"{how_it_came(row, items, item)}; {took(items, item, row)}."
             )
         case "cut":
             why = (
-                f"{what} were cut after {share(items, item)} {where} because {ran_out(row)}: {how_it_came(row, items, item)}; "
+                f"{what} cut after {share(items, item)} {where} because {ran_out(row)}: {how_it_came(row, items, item)}; "
                 f"{took(items, item, row)}."
             )
         case "no_fit":
             left = amount(left_before(row, items, item), row["budget_unit"])
             why = (
-                f"{what} were not traced {where}: they asked for {cost(items, item, row)} and about {left} were left; "
+                f"{what} not traced {where}: the item asked for {cost(items, item, row)} and about {left} were left; "
                 f"{came_first(items, item)}."
             )
         case "no_time":
             why = (
-                f"{what} were not traced {where}: they were asked for as number {items['order'][item] + 1}, but {ran_out(row)} "
-                f"before their turn; {came_first(items, item)}."
+                f"{what} not traced {where}: the item was asked for as number {items['order'][item] + 1}, but {ran_out(row)} "
+                f"before its turn; {came_first(items, item)}."
             )
         case "effect_off":
             told = error_of(run, str(items["effect"][item]).partition("@")[0])
-            why = f"{what} were not traced {where}: the effect was switched off after an error{told}."
+            why = f"{what} not traced {where}: the effect was switched off after an error{told}."
         case _:
-            why = f"{what} were not traced {where}: {not_asked(row, items, item)}."
+            why = f"{what} not traced {where}: {not_asked(row, items, item)}."
     return why + stands_in(items, item)
 
 
@@ -146,19 +147,19 @@ def not_asked(row: dict[str, Any], items: Items, item: int) -> str:
     """Why a heuristic did not name an item."""
     who, unit = row["heuristic"], row["budget_unit"]
     if unit != "none" and not row["budget"] > 0:
-        return f"nothing of the budget of {row['frame_budget']} was left for rays; {came_first(items, item)}"
+        return f"nothing of the budget of {row['frame_budget']} was left for rays"
     if not (items["order"] >= 0).any():
         return f"{who} asked for nothing in this frame"
     if unit == "none":
-        return f"{who} did not ask for them; there was no budget to keep"
+        return f"{who} did not ask for the item; there was no budget to keep"
     predicted, left = float(items["predicted_cost"][item]), float(row["left"])
     if predicted > left:
         return (
-            f"they are behind the budget: they are predicted to take {amount(predicted, unit)}, of {amount(row['budget'], unit)} "
-            f"{amount(left, unit)} were left in the end, and {who} did not ask for them; {came_first(items, item)}"
+            f"the item is behind the budget: it is predicted to take {amount(predicted, unit)}, of {amount(row['budget'], unit)} "
+            f"{amount(left, unit)} were left in the end, and {who} did not ask for it; {came_first(items, item)}"
         )
     return (
-        f"{who} did not ask for them, although {amount(predicted, unit)} would have fitted into the {amount(left, unit)} "
+        f"{who} did not ask for the item, although {amount(predicted, unit)} would have fitted into the {amount(left, unit)} "
         f"that were left in the end; {came_first(items, item)}"
     )
 
@@ -168,7 +169,7 @@ def how_it_came(row: dict[str, Any], items: Items, item: int) -> str:
     asked = int((items["order"] >= 0).sum())
     place = f"number {items['order'][item] + 1} of {asked} that {row['heuristic']} asked for"
     if items["mandatory"][item]:
-        return f"they are mandatory (effects: always), {place}"
+        return f"the item is mandatory (effects: always), {place}"
     return f"{place}, with relevance number {rank(items['relevance'], item) or 1} of {len(items['relevance'])}"
 
 

@@ -96,14 +96,14 @@ class Recorder:
         """Record `frame`. Never raises for what the system refuses to write."""
         if self.failed is not None or self._closed:
             return
-        clock = getattr(self._renderer, "clock", None)
+        clock = self._renderer.clock
         readings = clock.take() if isinstance(clock, RecordingClock) else []
         warned, self._warned = self._warned, []
-        situation = self._renderer.scene.situation
+        conditions = self._renderer.conditions
         try:
             # The frame's row comes last: where it is, the frame is whole.
             self._streams["candidates"].write(self._candidates.batch(self.frames, frame))
-            row = self._rows.batch(self.frames, frame, self._heuristic, situation, warned, readings)
+            row = self._rows.batch(self.frames, frame, self._heuristic, conditions, warned, readings)
             self._streams["frames"].write(row)
         except OSError as error:
             self._fail(error)

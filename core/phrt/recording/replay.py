@@ -54,6 +54,10 @@ class Replay(Heuristic):
         self._traced = traced_items(self.run)
         self._requests: Iterator[Request] = iter(())
         self._warned = False
+        units = self.run.frames.column("budget_unit").to_pylist() if self.run.frames.num_rows else []
+        # Then the recorded frames did without values of earlier ones, and so do these.
+        everything = self.run.config["heuristic"]["traces_everything"]
+        self.traces_everything = bool(everything) and all(unit == "none" for unit in units)
 
     def check(self, renderer: Renderer, frames: Iterable[int] = ()) -> None:
         """Raises OptionError where `renderer` cannot render this run: other objects, size or samples, effects that are missing, a
@@ -103,10 +107,10 @@ class Replay(Heuristic):
 def replay(
     run: Run | str | Path, scene: Scene, frames: Iterable[int] | None = None, **options: Any
 ) -> Iterator[FrameResult]:
-    """Render the frames of a recorded run again, each from where it was seen.
+    """Render the frames of a recorded run again, each from where it was seen, in the order in which they were recorded.
 
     scene   : the recorded one, as `phrt.load_scene` returns it
-    frames  : which; by default all, in the order in which they were recorded
+    frames  : which; by default all. With history a picture needs those before it: they are rendered, too, and not given
     options : of `Renderer`, over those recorded: `threads`, `tracer`, `effects`, ...
 
     Raises OptionError as `Replay.check`.
@@ -117,12 +121,25 @@ def replay(
     config = decides.run.config
     chosen = decides.run.numbers.tolist() if frames is None else list(frames)
     check_frames(decides.run, chosen)
+    numbers = with_those_before(decides.run, chosen)
     given = {"size": tuple(config["size"])} | recorded_options(config, scene) | options
     with Renderer(scene, heuristic=decides, budget="none", **given) as renderer:
         decides.check(renderer, chosen)
-        for number in chosen:
+        for number in numbers:
             row = decides.run.frame(number)
-            yield renderer.render(row["time"], frame_index=number, camera=view_of(row["view"], renderer.size))
+            frame = renderer.render(row["time"], frame_index=number, camera=view_of(row["view"], renderer.size))
+            if number in chosen:
+                yield frame
+
+
+def with_those_before(run: Run, frames: Iterable[int]) -> list[int]:
+    """`frames`, recorded ones, in the order in which they were recorded; with those that their pictures came from."""
+    wanted = set(frames)
+    numbers = list(dict.fromkeys(run.numbers.tolist()))
+    if not run.config["history"]:
+        return [number for number in numbers if number in wanted]
+    last = max((place for place, number in enumerate(numbers) if number in wanted), default=-1)
+    return numbers[: last + 1]
 
 
 def recorded_options(config: dict[str, Any], scene: Scene) -> dict[str, Any]:

@@ -6,6 +6,7 @@ recorded without a change here.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import fields
@@ -14,8 +15,10 @@ from typing import Any
 import numpy as np
 
 from phrt.camera import CameraView
+from phrt.controls import Conditions
 from phrt.frame import REASONS, Decisions, FrameResult
 from phrt.recording.arrow import import_arrow
+from phrt.recording.folder import plain
 
 SCALARS = (bool, int, float, str)
 
@@ -106,9 +109,16 @@ class FrameRows:
         self._schema: Any = None
 
     def batch(
-        self, step: int, frame: FrameResult, heuristic: str, situation: str, warnings: list[str], clock: list[float]
+        self,
+        step: int,
+        frame: FrameResult,
+        heuristic: str,
+        conditions: Conditions,
+        warnings: list[str],
+        clock: list[float],
     ) -> Any:
-        """The row of `frame`. warnings: what was warned of while it was made; clock: readings of a RecordingClock."""
+        """The row of `frame`. conditions: what held in it; warnings: what was warned of while it was made; clock: readings of a
+        RecordingClock."""
         row: dict[str, Any] = {
             "step": step,
             "frame": frame.index,
@@ -117,7 +127,7 @@ class FrameRows:
             "candidates": sum(len(decisions.candidates) for decisions in frame.samples),
             "traced": sum(int(decisions.chosen.sum()) for decisions in frame.samples),
         }
-        row |= scalars_of(frame.decisions) | scalars_of(frame)
+        row |= scalars_of(frame.decisions) | scalars_of(frame) | scalars_of(conditions)
         del row["index"]
         row |= {
             "overrun_ms": frame.decisions.overrun_ms,
@@ -125,7 +135,8 @@ class FrameRows:
             "deadline_ms": frame.budget.amount if frame.budget.kind == "frame_ms" else math.inf,
             "late": frame.late,
             "heuristic": heuristic,
-            "situation": situation,
+            "attention": json.dumps(plain(conditions.attention), sort_keys=True),
+            "parameters": json.dumps(plain(conditions.parameters), sort_keys=True),
             "warnings": warnings,
             "clock": clock,
             "view": view_numbers(frame.view),

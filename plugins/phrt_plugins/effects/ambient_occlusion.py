@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from phrt.frame import Frame
-from phrt.interfaces.effect import EffectResult, LayerSpec, RayEffect
+from phrt.interfaces.effect import EffectResult, HistoryRule, LayerSpec, RayEffect
 from phrt.kernels.shadow import hemisphere_rays, open_share
 from phrt.rays import RayBatch
 from phrt.tracing import blocked
@@ -25,6 +25,8 @@ class AmbientOcclusion(RayEffect):
 
     def __init__(self, options: AmbientOcclusionOptions) -> None:
         self._options = options
+        if options.history:
+            self.history = HistoryRule(movers="near", lights=False, radius=options.radius)
 
     def applies_to(self, world: World) -> np.ndarray:
         materials = world.materials

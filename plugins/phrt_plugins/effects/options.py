@@ -17,6 +17,9 @@ class ShadowsOptions(Options):
         "none", description="what untraced pixels get: no shadow, or a shadow map"
     )
     map_size: int = Field(512, ge=16, le=4096, description="texels along one side of a shadow map's face")
+    history: bool = Field(
+        True, description="where it is not traced, values of earlier frames stand in as long as they hold"
+    )
 
 
 class ReflectionsOptions(Options):
@@ -27,6 +30,9 @@ class ReflectionsOptions(Options):
         "environment", description="what untraced pixels get: nothing, the dome, or a cube map captured at the object"
     )
     probe_size: int = Field(64, ge=8, le=512, description="texels along one side of a probe's face")
+    history: bool = Field(
+        True, description="where it is not traced, values of earlier frames stand in as long as they hold"
+    )
 
 
 class RefractionsOptions(Options):
@@ -35,9 +41,15 @@ class RefractionsOptions(Options):
         "alpha", description="what untraced pixels get: nothing, the dome, what lies straight behind, or a cube map"
     )
     probe_size: int = Field(64, ge=8, le=512, description="texels along one side of a probe's face")
+    history: bool = Field(
+        True, description="where it is not traced, values of earlier frames stand in as long as they hold"
+    )
 
 
 class AmbientOcclusionOptions(Options):
     samples: int = Field(4, ge=1, le=256, description="rays per pixel")
     radius: float = Field(1.0, gt=0.0, description="how far an occluder counts, metres")
     fallback_value: float = Field(1.0, ge=0.0, le=1.0, description="what untraced pixels get; 1 is unoccluded")
+    history: bool = Field(
+        True, description="where it is not traced, values of earlier frames stand in as long as they hold"
+    )

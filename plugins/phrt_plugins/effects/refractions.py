@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from phrt.frame import Frame
-from phrt.interfaces.effect import EffectResult, LayerSpec, RayEffect
+from phrt.interfaces.effect import EffectResult, HistoryRule, LayerSpec, RayEffect
 from phrt.kernels.bounce import refraction_rays
 from phrt.kernels.layers import mark_targets
 from phrt.tracing import gather
@@ -20,6 +20,12 @@ from phrt.world import World
 from phrt_plugins.effects.behind import behind, environment_through
 from phrt_plugins.effects.options import RefractionsOptions
 from phrt_plugins.effects.probes import Probes
+
+PARALLAX, PARALLAX_FINE = 0.5, 0.25
+"""Radians by which the eye may go round a point before its value is dropped. Measured in the atrium and in Sponza (glass balls),
+mean error of the displayed refraction: 0.02 up to 0.05 rad, 0.03 to 0.06 at 0.15, 0.04 to 0.08 at 0.3. What lies straight behind
+has 0.05 to 0.18, a probe 0.05 to 0.17."""
+MAX_AGE = 250
 
 
 class Refractions(RayEffect):
@@ -37,6 +43,9 @@ class Refractions(RayEffect):
 
     def __init__(self, options: RefractionsOptions) -> None:
         self._options = options
+        if options.history:
+            parallax = PARALLAX_FINE if options.fallback in ("alpha", "probe") else PARALLAX
+            self.history = HistoryRule(movers="any", lights=True, parallax=parallax, max_age=MAX_AGE)
         self._probes = Probes(options.probe_size) if options.fallback == "probe" else None
 
     def applies_to(self, world: World) -> np.ndarray:

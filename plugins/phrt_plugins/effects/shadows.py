@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from phrt.frame import Frame
-from phrt.interfaces.effect import EffectResult, LayerSpec, RayEffect
+from phrt.interfaces.effect import EffectResult, HistoryRule, LayerSpec, RayEffect
 from phrt.kernels.light import MIRROR_ROUGHNESS
 from phrt.lights import RECT
 from phrt.tracing import light_visibility
@@ -28,6 +28,7 @@ class Shadows(RayEffect):
 
     def __init__(self, options: ShadowsOptions) -> None:
         self._options = options
+        self.history = HistoryRule(movers="to_lights", lights=True) if options.history else None
         self._maps = ShadowMaps(options.map_size) if options.fallback == "shadow_map" else None
 
     def applies_to(self, world: World) -> np.ndarray:

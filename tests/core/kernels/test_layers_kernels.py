@@ -107,11 +107,11 @@ def test_mark_targets_starts_paths_at_the_eyes_distance(is_point: bool) -> None:
     np.testing.assert_allclose(path, expected, rtol=1e-5)
 
 
-def test_gaps_that_hold_an_earlier_value_keep_it() -> None:
+def test_gaps_that_hold_an_earlier_value_keep_it_and_help_to_fill_others() -> None:
     layer, mask = np.zeros((4, 1), np.float32), np.array([2, 4, 0, 2], np.uint8)
     layer[:, 0] = [1, 7, 0, 3]
     fill_gaps(np.arange(4, dtype=np.int32), np.ones(4, np.uint32), mask, 4, 1, 2, 4, 3, layer)
-    assert layer[:, 0].tolist() == [1, 7, 3, 3]
+    assert layer[:, 0].tolist() == [1, 7, 5, 3]
     assert mask.tolist() == [2, 4, 3, 2]
 
 
