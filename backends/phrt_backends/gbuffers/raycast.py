@@ -111,8 +111,9 @@ class RaycastProducer(GBufferProducer):
         return out
 
     def _chunk_size(self, count: int) -> int:
-        """Pixels a thread takes at a time."""
-        return max(1, min(self._options.chunk_pixels, -(-count // self._workers.threads)))
+        """Pixels a thread takes at a time: equal chunks, as many for each thread, so that they end together."""
+        rounds = -(-count // (self._options.chunk_pixels * self._workers.threads))
+        return max(1, -(-count // (max(rounds, 1) * self._workers.threads)))
 
     def _trace_some(
         self, view: CameraView, pixels: np.ndarray, target: np.ndarray, out: SurfaceArrays, hidden: np.ndarray | None
