@@ -274,27 +274,16 @@ def speed_table(contest: Contest) -> Table:
 
 def choice_table(contest: Contest) -> Table:
     """Decisions, predictions, and what deciding took."""
-    headings = (
-        "heuristic",
-        "items",
-        "traced",
-        "flips",
-        "area",
-        "paper",
-        "p90",
-        "measured",
-        "p90",
-        "item paper",
-        "item meas.",
-    )
-    made = _titled("  decisions and predictions (errors are medians)", (*headings, "heur. ms", "sched. ms"))
+    errors = ("paper", "p90", "measured", "p90", "item paper", "item meas.", "rays")
+    headings = ("heuristic", "items", "traced", "flips", "area", *errors, "heur. ms", "sched. ms")
+    made = _titled("  decisions and predictions (errors are medians)", headings)
     for s in standings(contest):
         made.add_row(
             s.heuristic, shown(s.candidates), shown(s.chosen), shown(s.flips, 2), shown(s.flipped_area, 1, True),
             shown(s.error_paper_p50, 0, True), shown(s.error_paper_p90, 0, True),
             shown(s.error_measured_p50, 0, True), shown(s.error_measured_p90, 0, True),
             shown(s.item_error_paper_p50, 0, True), shown(s.item_error_measured_p50, 0, True),
-            shown(s.heuristic_ms, 2), shown(s.scheduler_ms, 2),
+            shown(s.error_rays_p50, 0, True), shown(s.heuristic_ms, 2), shown(s.scheduler_ms, 2),
         )  # fmt: skip
     return made
 

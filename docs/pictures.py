@@ -57,7 +57,7 @@ def layers() -> None:
 
 
 def overlay() -> None:
-    """What the selection graph traces of the atrium within half of what all would take."""
+    """What the selection graph traces of the atrium within 1.5 million rays."""
     scene = phrt.load_scene(SCENES / "atrium.yaml")
     options = {"size": (1280, 720), "heuristic": "selection_graph", "budget": "1500000rays"}
     with phrt.Renderer(scene, **options) as renderer:

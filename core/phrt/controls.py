@@ -6,7 +6,6 @@ time, the defaults. Each field is one value: an `attention` that is given replac
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -23,6 +22,10 @@ DEFAULT_PERSISTENCE = 0.0001
 reference scene: an item that was traced counts as if such an object were added to it."""
 
 
+LARGEST = 1e18
+"""Of every number here: what is made of them must fit single precision."""
+
+
 @dataclass(frozen=True)
 class Controls:
     """What somebody asks for; None in a field leaves it to the next weaker voice.
@@ -30,7 +33,7 @@ class Controls:
     budget      : as `phrt.budget.parse_budget` reads it
     persistence : I of the paper, 0 or more
     situation   : which values of the importance maps hold
-    attention   : factor on K by tag, finite and 0 or more; 1 is indifferent
+    attention   : factor on K by tag, 0 or more; 1 is indifferent
     view_speed  : how much motion in the picture lowers V, 0 (not at all) or more
     parameters  : whatever a host program wants heuristics to know; reaches them as `FrameContext.parameters`
     """
@@ -101,9 +104,9 @@ def _checked(name: str, value: object, scene: Scene) -> object:
 
 
 def not_negative(name: str, value: object) -> float:
-    """`value` as a finite number of 0 or more. Raises OptionError that calls it `name`."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 <= value < math.inf:
-        raise OptionError(f"{name} is {value!r}; it must be 0 or more, and finite")
+    """`value` as a number of 0 or more. Raises OptionError that calls it `name`."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 <= value <= LARGEST:
+        raise OptionError(f"{name} is {value!r}; it must be 0 or more, and at most {LARGEST:g}")
     return float(value)
 
 
@@ -145,4 +148,5 @@ def in_force(given: Controls, track: Sequence[ControlKey], time: float, scene: S
     settled: dict[str, object] = {"situation": scene.situation}
     for controls in (*(key.controls for key in track if key.time <= time), given):
         settled |= {name: value for name in FIELDS if (value := getattr(controls, name)) is not None}
+    settled["budget"] = parse_budget(settled.get("budget"))  # type: ignore[arg-type]
     return Conditions(**settled)  # type: ignore[arg-type]

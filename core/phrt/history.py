@@ -169,7 +169,7 @@ class History:
             match_pixels(
                 first, last, here.object_id, here.material_id, here.position, here.geometric_normal, here.depth,
                 past.object_id, past.material_id, past.position, past.normal, clip, past.view.width, past.view.height,
-                footprint, moved, source, slip,
+                footprint, eyes[0], moved, source, slip,
             )  # fmt: skip
             taken = []
             for name, trail in trails.items():

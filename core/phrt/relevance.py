@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from phrt.camera import CameraView
-from phrt.controls import Conditions
+from phrt.controls import LARGEST, Conditions
 from phrt.scene import Scene
 from phrt.view_motion import ViewMotion, picture_place
 from phrt.world import World
@@ -72,8 +72,9 @@ def importance_factors(
     mean = given.mean() if len(given) else 0.0
     factors = given / mean if mean > 0 else given
     if attention:
-        factors = factors * [math.prod(attention.get(tag, 1.0) for tag in entry.tags) for entry in scene.objects]
-    return np.concatenate([[0.0], factors]).astype(np.float32)
+        looked_for = np.array([math.prod(attention.get(tag, 1.0) for tag in entry.tags) for entry in scene.objects])
+        factors = factors * np.nan_to_num(looked_for, posinf=LARGEST)
+    return np.concatenate([[0.0], np.minimum(factors, LARGEST)]).astype(np.float32)
 
 
 def slowed(visible: np.ndarray, speed: np.ndarray, strength: float) -> np.ndarray:

@@ -175,6 +175,14 @@ def test_attention_multiplies_importance_by_the_factor_of_every_tag_of_an_object
     np.testing.assert_allclose(importance_factors(scene, attention={}), [0, 1, 1, 1, 1, 1])
 
 
+def test_importance_stays_finite_whatever_is_looked_for() -> None:
+    many = [f"t{k}" for k in range(30)]
+    scene = Scene("s", objects=[tagged(*many), tagged(*many, "not"), entry(default=1e18)])
+    found = importance_factors(scene, attention=dict.fromkeys(many, 1e18) | {"not": 0.0})
+    assert np.isfinite(found).all()
+    assert (found >= 0).all()
+
+
 def test_another_situation_than_the_scenes_can_be_asked_for() -> None:
     scene = Scene("s", objects=[entry(night=10.0), entry(default=4.0)])
     np.testing.assert_allclose(importance_factors(scene), [0, 0.4, 1.6], rtol=1e-6)

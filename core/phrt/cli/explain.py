@@ -135,11 +135,11 @@ def number(value: Any) -> str:
 
 def show_frame(run: Run, frame: int, items: Items, effect: str | None, as_json: bool) -> None:
     """Every item of a frame: those that were asked for in order, then the others by relevance."""
-    rows = []
-    for item in in_order(items):
-        name = str(items["effect"][item])
-        if effect is None or effect in (name, name.partition("@")[0]):
-            rows.append({column: plain(values[item]) for column, values in items.items()})
+    from phrt.recording.reasons import chosen_effects, known_effects
+
+    wanted = chosen_effects(run, known_effects(run, items), effect)
+    shown = [item for item in in_order(items) if items["effect"][item] in wanted]
+    rows = [{column: plain(values[item]) for column, values in items.items()} for item in shown]
     about = run.frame(frame)
     if as_json:
         print(json.dumps({"frame": frame, "items": rows, "budget": frame_budget(about), "cut_short": run.cut_short}))

@@ -24,7 +24,7 @@ from phrt.cli.parsing import (
     parse_size,
 )
 from phrt.cli.rerun import Rerun, check_exclusive
-from phrt.errors import OptionError
+from phrt.errors import OptionError, SceneError
 from phrt.registry.auto import DEFAULT_HEURISTIC
 
 if TYPE_CHECKING:
@@ -99,7 +99,8 @@ def render(
     time: Annotated[float | None, typer.Option(help="The moment of a single picture, seconds.")] = None,
     camera: Annotated[str, typer.Option(help="Number or path of the camera.")] = "0",
     situation: Annotated[
-        str | None, typer.Option("--situation", "--variant", help="Which variant of the scene, as night.")
+        str | None,
+        typer.Option("--situation", "--variant", help="Variant of the scene, or of its importance maps, as night."),
     ] = None,
     gbuffer: Annotated[
         str, typer.Option(help="G-buffer producer; auto takes moderngl on a GPU, else raycast.")
@@ -174,13 +175,12 @@ def render(
     from phrt.cli.writers import is_pattern, is_video, open_writer
     from phrt.clock import RecordingClock, WallClock
     from phrt.description.seen import lacking
-    from phrt.loading import load_scene
     from phrt.overlay import chosen_effects
     from phrt.recording import Recorder
     from phrt.renderer import Renderer
 
     with DelayedProgress(1, f"loading {scene.name}"):
-        loaded = load_scene(scene, overrides=define, variant=situation)
+        loaded = load_in_situation(scene, define, situation, controls)
         warn_of(lacking(loaded))
         settings = loaded.settings
         if exposure is not None:
@@ -243,6 +243,26 @@ def render(
             writer.add(moment.index, frame)
             rows.append(frame_row(moment, frame))
     report(rows, [str(path) for path in writer.files], output, width_height, as_json, record)
+
+
+def load_in_situation(
+    path: Path, define: list[str] | None, situation: str | None, controls: dict[str, object]
+) -> Scene:
+    """The scene as variant `situation`; where it has none of that name but its importance maps know it, the plain scene, and
+    `controls` select the situation."""
+    from phrt.controls import known_situations
+    from phrt.loading import load_scene
+
+    try:
+        return load_scene(path, overrides=define, variant=situation)
+    except SceneError:
+        if situation is None:
+            raise
+        plain = load_scene(path, overrides=define)
+        if situation in plain.situations or situation not in known_situations(plain):
+            raise
+        controls["situation"] = situation
+        return plain
 
 
 def check_arguments(

@@ -16,13 +16,15 @@ from phrt.kernels.jit import device, kernel
 f32 = np.float32
 STEP = f32(1.0 / 64.0)
 """Of offsets, in pixels; they are int8."""
-REACH = f32(0.8)
-"""A value that was traced within this many pixels of a pixel's centre is near enough; its corners are 0.71 away."""
-FAR_REACH = f32(1.5)
-"""And this far away it may be, where none is nearer: when the camera goes ahead, values spread out."""
+REACH = f32(0.95)
+"""A value stands in for a pixel when it was traced within this many pixels of its centre. A pixel's corners are 0.71 away, and the
+next pixel 1: an item of which a quarter was traced is not passed off as whole."""
 NORMALS_AGREE = f32(0.9)
 OFF_PLANE = f32(2.0)
-"""How far the earlier point may lie off the plane of the present one, in widths of a pixel there."""
+"""How far the earlier point may lie off the plane of the present one, in widths of a pixel there,"""
+ASIDE = f32(1.25)
+"""and how many times as far beside it, over the cosine to the eye: an earlier picture may have been coarser."""
+BLOCK = 256
 TILE = 16
 """Tiles of so many pixels a side are tested against what moved, before their pixels are."""
 
@@ -41,50 +43,75 @@ def off_plane(width, x, y, z):
     return OFF_PLANE * width + f32(1e-6) * (abs(x) + abs(y) + abs(z))
 
 
+@device
+def width_on_surface(footprint, depth, eye, x, y, z, nx, ny, nz):
+    """How far apart, in metres along the surface, neighbouring pixels are at most."""
+    dx, dy, dz = eye[0] - x * eye[3], eye[1] - y * eye[3], eye[2] - z * eye[3]
+    length = math.sqrt(dx * dx + dy * dy + dz * dz + f32(1e-20))
+    cosine = abs(dx * nx + dy * ny + dz * nz)
+    return (footprint[0] + footprint[1] * depth) * length / max(cosine, f32(0.05) * length)
+
+
 @kernel
 def match_pixels(first, last, object_id, material_id, position, normal, depth, past_object, past_material, past_position,
-                 past_normal, past_clip, past_width, past_height, footprint, moved, source, slip):  # fmt: skip
+                 past_normal, past_clip, past_width, past_height, footprint, eye, moved, source, slip):  # fmt: skip
     """Where the points at pixels first..last - 1 were in the previous picture.
 
-    past_clip (4, 4) float32, its clip_from_world; moved (N + 1,) uint8: objects whose points cannot be found again.
+    past_clip (4, 4) float32, its clip_from_world; footprint (2,), width of a pixel at depth 0, and its growth per metre; eye (4,)
+    as in `carry`; moved (N + 1,) uint8: objects whose points cannot be found again.
     source (P,) int32 gets the nearest pixel of the previous picture that shows the same surface, -1 where none does;
     slip (P, 2) float32 how far beside that pixel's centre the point was, in pixels.
     """
-    for pixel in range(first, last):
-        i = np.uint32(pixel)
-        source[i] = -1
-        o = object_id[i]
-        if o == 0 or moved[o]:
-            continue
-        x, y, z = position[i, 0], position[i, 1], position[i, 2]
-        w = past_clip[3, 0] * x + past_clip[3, 1] * y + past_clip[3, 2] * z + past_clip[3, 3]
-        if w <= f32(1e-6):
-            continue
-        cx = past_clip[0, 0] * x + past_clip[0, 1] * y + past_clip[0, 2] * z + past_clip[0, 3]
-        cy = past_clip[1, 0] * x + past_clip[1, 1] * y + past_clip[1, 2] * z + past_clip[1, 3]
-        scale = f32(0.5) / w
-        u, v = (cx * scale + f32(0.5)) * f32(past_width), (f32(0.5) - cy * scale) * f32(past_height)
-        if not (u > f32(-0.5) and v > f32(-0.5) and u < f32(past_width) + f32(0.5) and v < f32(past_height) + f32(0.5)):
-            continue
-        column, row = np.int32(u + f32(1.0)) - 1, np.int32(v + f32(1.0)) - 1
-        nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
-        off = off_plane(footprint[0] + footprint[1] * depth[i], x, y, z)
-        m = material_id[i]
-        # The pixel it fell into; at edges of objects one of the next nearest may show it instead.
-        right = 1 if u - f32(column) >= f32(0.5) else -1
-        down = 1 if v - f32(row) >= f32(0.5) else -1
-        for k in range(4):
-            a, b = column + (right if k & 1 else 0), row + (down if k & 2 else 0)
-            if a < 0 or b < 0 or a >= past_width or b >= past_height:
+    width, height = f32(past_width), f32(past_height)
+    across, down = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
+    for block in range(first, last, BLOCK):
+        size = min(BLOCK, last - block)
+        # Places in the previous picture, without branches, so that the compiler makes vector instructions of it.
+        for k in range(size):
+            i = np.uint32(block + k)
+            x, y, z = position[i, 0], position[i, 1], position[i, 2]
+            w = past_clip[3, 0] * x + past_clip[3, 1] * y + past_clip[3, 2] * z + past_clip[3, 3]
+            cx = past_clip[0, 0] * x + past_clip[0, 1] * y + past_clip[0, 2] * z + past_clip[0, 3]
+            cy = past_clip[1, 0] * x + past_clip[1, 1] * y + past_clip[1, 2] * z + past_clip[1, 3]
+            scale = f32(0.5) / max(w, f32(1e-6))
+            u = (cx * scale + f32(0.5)) * width
+            across[k] = u if w > f32(1e-6) else f32(-9.0)
+            down[k] = (f32(0.5) - cy * scale) * height
+        for k in range(size):
+            i = np.uint32(block + k)
+            source[i] = -1
+            u, v = across[k], down[k]
+            o = object_id[i]
+            seen = u > f32(-0.5) and v > f32(-0.5) and u < width + f32(0.5) and v < height + f32(0.5)
+            if o == 0 or not seen or moved[o]:
                 continue
-            j = np.uint32(b * past_width + a)
-            if past_object[j] == o and past_material[j] == m and same_plane(
-                x, y, z, nx, ny, nz, past_position[j, 0], past_position[j, 1], past_position[j, 2],
-                past_normal[j, 0], past_normal[j, 1], past_normal[j, 2], off,
-            ):  # fmt: skip
-                source[i] = j
-                slip[i, 0], slip[i, 1] = u - (f32(a) + f32(0.5)), v - (f32(b) + f32(0.5))
-                break
+            x, y, z, m = position[i, 0], position[i, 1], position[i, 2], material_id[i]
+            nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
+            pixel = footprint[0] + footprint[1] * depth[i]
+            off = off_plane(pixel, x, y, z)
+            ex, ey, ez = eye[0] - x * eye[3], eye[1] - y * eye[3], eye[2] - z * eye[3]
+            far = ex * ex + ey * ey + ez * ez
+            cosine = ex * nx + ey * ny + ez * nz
+            cosine2, beside2 = max(cosine * cosine, f32(0.0025) * far), ASIDE * ASIDE * off * off * far
+            # The pixel it fell into; at edges of objects one of the next nearest may show it instead.
+            column, row = np.int32(u + f32(1.0)) - 1, np.int32(v + f32(1.0)) - 1
+            step_x = 1 if u - f32(column) >= f32(0.5) else -1
+            step_y = 1 if v - f32(row) >= f32(0.5) else -1
+            for corner in range(4):
+                a, b = column + (step_x if corner & 1 else 0), row + (step_y if corner & 2 else 0)
+                if a < 0 or b < 0 or a >= past_width or b >= past_height:
+                    continue
+                j = np.uint32(b * past_width + a)
+                if past_object[j] != o or past_material[j] != m:
+                    continue
+                px, py, pz = past_position[j, 0], past_position[j, 1], past_position[j, 2]
+                dx, dy, dz = px - x, py - y, pz - z
+                if (dx * dx + dy * dy + dz * dz) * cosine2 <= beside2 and same_plane(
+                    x, y, z, nx, ny, nz, px, py, pz, past_normal[j, 0], past_normal[j, 1], past_normal[j, 2], off
+                ):
+                    source[i] = j
+                    slip[i, 0], slip[i, 1] = u - (f32(a) + f32(0.5)), v - (f32(b) + f32(0.5))
+                    break
 
 
 @device
@@ -101,7 +128,7 @@ def choose_values(first, last, source, slip, object_id, material_id, position, n
 
     source, slip: of `match_pixels`. applies (materials,) bool. past_mask (P,), past_offset (P, 2) int8: of an effect's layer; the
     offset is read where the mask is history_code. chosen (P,) int32 gets the pixel, -1 when nothing was traced within
-    FAR_REACH; offset (P, 2) int8 how far beside the present pixel's centre that was.
+    REACH; offset (P, 2) int8 how far beside the present pixel's centre that was.
 
     First the pixel where the point was. Its value may have been traced nearer to the next point: then the neighbour on the other
     side has ours. Only where neither has one near enough, all neighbours are looked at.
@@ -113,7 +140,7 @@ def choose_values(first, last, source, slip, object_id, material_id, position, n
         if start < 0 or not applies[material_id[i]]:
             continue
         slip_x, slip_y = slip[i, 0], slip[i, 1]
-        best, best_x, best_y, nearest = np.int32(-1), f32(0.0), f32(0.0), FAR_REACH * FAR_REACH
+        best, best_x, best_y, nearest = np.int32(-1), f32(0.0), f32(0.0), f32(4.0)
         a, b = 0, 0
         code = past_mask[start]
         if code in (traced_code, history_code):
@@ -155,7 +182,7 @@ def choose_values(first, last, source, slip, object_id, material_id, position, n
                 past_normal[j, 0], past_normal[j, 1], past_normal[j, 2], off_plane(width, x, y, z),
             ):  # fmt: skip
                 best, best_x, best_y, nearest = np.int32(j), aside_x, aside_y, distance
-        if best < 0 or best_x * best_x + best_y * best_y > FAR_REACH * FAR_REACH:
+        if best < 0 or best_x * best_x + best_y * best_y > REACH * REACH:
             continue
         chosen[i] = best
         offset[i, 0], offset[i, 1] = in_steps(best_x), in_steps(best_y)
@@ -272,7 +299,12 @@ def forget_crossed(first, last, width, object_id, position, normal, depth, footp
                         x, y, z = position[i, 0], position[i, 1], position[i, 2]
                         low_x, low_y, low_z = min(low_x, x), min(low_y, y), min(low_z, z)
                         high_x, high_y, high_z = max(high_x, x), max(high_y, y), max(high_z, z)
-                        widest = max(widest, width_on_surface(footprint, depth[i], eye, x, y, z, normal, i))
+                        widest = max(
+                            widest,
+                            width_on_surface(
+                                footprint, depth[i], eye, x, y, z, normal[i, 0], normal[i, 1], normal[i, 2]
+                            ),
+                        )
             if low_x > high_x:
                 continue
             x, y, z = (low_x + high_x) * f32(0.5), (low_y + high_y) * f32(0.5), (low_z + high_z) * f32(0.5)
@@ -292,7 +324,9 @@ def forget_crossed(first, last, width, object_id, position, normal, depth, footp
                     if mask[i] != history_code:
                         continue
                     x, y, z = position[i, 0], position[i, 1], position[i, 2]
-                    slack = width_on_surface(footprint, depth[i], eye, x, y, z, normal, i)
+                    slack = width_on_surface(
+                        footprint, depth[i], eye, x, y, z, normal[i, 0], normal[i, 1], normal[i, 2]
+                    )
                     for p in range(found):
                         if crossed(x, y, z, ends[pairs[p, 0]], spheres[pairs[p, 1]], slack):
                             mask[i] = none_code
@@ -301,15 +335,6 @@ def forget_crossed(first, last, width, object_id, position, normal, depth, footp
                             cleared += 1
                             break
     return cleared
-
-
-@device
-def width_on_surface(footprint, depth, eye, x, y, z, normal, i):
-    """How far apart, in metres along the surface, neighbouring pixels are: the value may have been traced so far away."""
-    dx, dy, dz = eye[0] - x * eye[3], eye[1] - y * eye[3], eye[2] - z * eye[3]
-    length = math.sqrt(dx * dx + dy * dy + dz * dz + f32(1e-20))
-    cosine = abs(dx * normal[i, 0] + dy * normal[i, 1] + dz * normal[i, 2]) / length
-    return (footprint[0] + footprint[1] * depth) / max(cosine, f32(0.05))
 
 
 @kernel

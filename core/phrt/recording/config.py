@@ -32,6 +32,7 @@ def resolved_config(renderer: Renderer) -> dict[str, Any]:
     config["effects"] = {base(e.name): {"layer": base(e.writes.name), **options_of(e)} for e in renderer.effects}
     config["tracer"] = {"name": renderer.tracer_name, "description": renderer.tracer.capabilities.description}
     config["gbuffer"] = {"name": renderer.gbuffer_name}
+    config["seed"] = "frame number * aa + sample; a heuristic's own is among its options"
     config["threads"] = renderer.workers.threads
     config["clock"] = type(beneath(renderer.clock)).__name__
     config["history"] = renderer._history is not None

@@ -6,6 +6,7 @@ While a run is recorded, `frames.arrows` and `candidates.arrows` grow (Arrow IPC
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -22,6 +23,8 @@ SCHEMA_VERSION = 1
 """Of run.json and both tables. It rises when a reader of today would misread what is written."""
 
 RUN_FILE = "run.json"
+END_FILE = "end.json"
+"""How the run ended, where there was no room left to write run.json anew."""
 TABLES = ("frames", "candidates")
 
 
@@ -65,6 +68,7 @@ def begin_folder(folder: Path, overwrite: bool = False) -> None:
     check_folder(folder, overwrite)
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        (folder / END_FILE).unlink(missing_ok=True)
         for table in TABLES:
             stream_path(folder, table).unlink(missing_ok=True)
             parquet_path(folder, table).unlink(missing_ok=True)
@@ -74,17 +78,29 @@ def begin_folder(folder: Path, overwrite: bool = False) -> None:
 
 def write_about(folder: Path, about: Mapping[str, Any]) -> None:
     """Replace run.json by `about`, whole or not at all. Raises OSError."""
-    path = folder / RUN_FILE
+    write_json(folder / RUN_FILE, about)
+
+
+def write_end(folder: Path, about: Mapping[str, Any], end: Mapping[str, Any]) -> None:
+    """Write run.json with `about` and `end`; where it does not fit, `end` alone into a small file of its own. Raises OSError."""
+    try:
+        write_about(folder, {**about, **end})
+    except OSError:
+        write_json(folder / END_FILE, end)
+
+
+def write_json(path: Path, values: Mapping[str, Any]) -> None:
+    """Write `values` to `path`, whole or not at all. Raises OSError."""
     temporary = temporary_beside(path)
     try:
-        temporary.write_text(json.dumps(plain(about), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        temporary.write_text(json.dumps(plain(values), indent=2, allow_nan=False) + "\n", encoding="utf-8")
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
 
 
 def read_about(folder: Path) -> dict[str, Any]:
-    """run.json. Raises OptionError where there is none, and where it is not one that this version reads."""
+    """run.json, with how the run ended. Raises OptionError where there is none, and where it is not one that this version reads."""
     path = folder / RUN_FILE
     try:
         about = json.loads(path.read_text(encoding="utf-8"))
@@ -100,6 +116,8 @@ def read_about(folder: Path) -> dict[str, Any]:
         raise OptionError(
             f"'{folder}' was recorded with version {about['phrt_run']} of run folders; this phrt reads version {SCHEMA_VERSION}"
         )
+    with contextlib.suppress(OSError, ValueError):
+        about |= json.loads((folder / END_FILE).read_text(encoding="utf-8"))
     return about
 
 

@@ -63,16 +63,8 @@ def explain_object(run: Run, frame: int, path: str, effect: str | None = None) -
     row, items = run.frame(frame), frame_items(run, frame)
     mine = np.flatnonzero(items["object"] == path) if items else np.zeros(0, np.int64)
     effects = list(dict.fromkeys([*(items["effect"][mine] if len(mine) else ()), *known_effects(run, items)]))
-    if effect is not None:
-        wanted = [name for name in effects if effect in (name, name.partition("@")[0])]
-        if not wanted:
-            known = sorted(effects)
-            raise OptionError(
-                f"'{run.folder}' has no effect '{effect}': {', '.join(known)}.{did_you_mean(effect, known)}"
-            )
-        effects = wanted
     found = []
-    for name in effects:
+    for name in chosen_effects(run, effects, effect):
         place = next((int(item) for item in mine if items["effect"][item] == name), None)
         why = absent(run, row, path, name, len(mine) > 0) if place is None else sentence(run, row, items, place)
         found.append(Explanation(name, why, place))
@@ -139,7 +131,7 @@ def sentence(run: Run, row: dict[str, Any], items: Items, item: int) -> str:
             told = error_of(run, str(items["effect"][item]).partition("@")[0])
             why = f"{what} not traced {where}: the effect was switched off after an error{told}."
         case _:
-            why = f"{what} not traced {where}: {not_asked(row, items, item)}."
+            why = f"{what} not traced {where}: {fault_before(run, row) or not_asked(row, items, item)}."
     return why + stands_in(items, item)
 
 
@@ -210,6 +202,16 @@ def error_of(run: Run, effect: str) -> str:
     return ""
 
 
+def fault_before(run: Run, row: dict[str, Any]) -> str:
+    """That the heuristic had been switched off by then, where it was."""
+    for step, warned in enumerate(run.frames.column("warnings").to_pylist()[: row["step"] + 1]):
+        for text in warned or ():
+            if text.startswith("heuristic ") and "switched off" in text:
+                frame = int(run.numbers[step])
+                return f"the heuristic was switched off after an error in frame {frame} ({text})"
+    return ""
+
+
 def ran_out(row: dict[str, Any]) -> str:
     return "the rays were used up" if row["budget_unit"] == "rays" else "time ran out"
 
@@ -261,32 +263,58 @@ class Line:
 
 
 def over_time(run: Run, path: str | None = None, effect: str | None = None) -> list[Line]:
-    """How often the items of object `path` (None: of all objects) were traced in the run."""
-    columns = ("frame", "object", "effect", "traced_pixels", "pixel_count")
-    table = run.read_candidates(columns)
+    """How often the items of object `path` (None: of all objects) were traced in the run, by object and effect.
+
+    Raises OptionError for an effect that no item had.
+    """
+    table = run.read_candidates(("frame", "object", "effect", "traced_pixels", "pixel_count"))
     if not table.num_rows:
         return []
-    rows = {name: np.asarray(table.column(name).to_numpy()) for name in columns}
-    kept = np.ones(table.num_rows, bool) if path is None else rows["object"] == path
-    rows = {name: values[kept] for name, values in rows.items()}
-    lines = []
-    keys = sorted(set(zip(rows["object"].tolist(), rows["effect"].tolist(), strict=True)))
-    for thing, name in keys:
-        if effect is not None and effect not in (name, name.partition("@")[0]):
-            continue
-        mine = (rows["object"] == thing) & (rows["effect"] == name)
-        frames, pixels, size = (rows[column][mine] for column in ("frame", "traced_pixels", "pixel_count"))
-        traced = np.unique(frames[pixels > 0])
-        lines.append(
-            Line(
-                thing,
-                name,
-                frames=len(np.unique(frames)),
-                traced=len(traced),
-                whole=len(np.unique(frames[pixels >= size])),
-                first=int(traced[0]) if len(traced) else None,
-                last=int(traced[-1]) if len(traced) else None,
-                runs=spans(traced),
-            )
-        )
-    return lines
+    objects, object_code = coded(table, "object")
+    effects, effect_code = coded(table, "effect")
+    wanted = chosen_effects(run, effects, effect)
+    shown = np.isin(effect_code, [code for code, name in enumerate(effects) if name in wanted])
+    if path is not None:
+        shown &= np.isin(object_code, [code for code, name in enumerate(objects) if name == path])
+    rows = np.flatnonzero(shown)
+    key = object_code[rows].astype(np.int64) * len(effects) + effect_code[rows]
+    rows = rows[np.argsort(key, kind="stable")]
+    groups = np.split(rows, np.flatnonzero(np.diff(np.sort(key))) + 1) if len(rows) else []
+    frames, pixels, size = (np.asarray(table.column(n).to_numpy()) for n in ("frame", "traced_pixels", "pixel_count"))
+    lines = [
+        line_of(objects[object_code[mine[0]]], effects[effect_code[mine[0]]], frames[mine], pixels[mine], size[mine])
+        for mine in groups
+    ]
+    return sorted(lines, key=lambda line: (line.object, line.effect))
+
+
+def coded(table: Any, column: str) -> tuple[list[str], np.ndarray]:
+    """The names of a dictionary column, and (n,) int32 which of them each row has."""
+    values = table.unify_dictionaries().column(column).combine_chunks()
+    return values.dictionary.to_pylist(), np.asarray(values.indices.to_numpy())
+
+
+def line_of(thing: str, effect: str, frames: np.ndarray, pixels: np.ndarray, size: np.ndarray) -> Line:
+    """An item's line. frames, pixels, size (k,): the frames it was a candidate in, its traced and all its pixels there."""
+    traced = np.unique(frames[pixels > 0])
+    return Line(
+        thing,
+        effect,
+        frames=len(np.unique(frames)),
+        traced=len(traced),
+        whole=len(np.unique(frames[pixels >= size])),
+        first=int(traced[0]) if len(traced) else None,
+        last=int(traced[-1]) if len(traced) else None,
+        runs=spans(traced),
+    )
+
+
+def chosen_effects(run: Run, known: list[str], given: str | None) -> list[str]:
+    """Those of `known` that `given` names: one, with "shadows" all of "shadows@LIGHT" or "all" that it is part of, with None
+    every one. Raises OptionError."""
+    part = given in run.config["effects"]
+    chosen = [name for name in known if given in (None, name, name.partition("@")[0]) or (part and name == "all")]
+    if given is not None and not chosen:
+        names = sorted(known)
+        raise OptionError(f"'{run.folder}' has no effect '{given}': {', '.join(names)}.{did_you_mean(given, names)}")
+    return chosen

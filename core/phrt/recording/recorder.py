@@ -22,6 +22,7 @@ from phrt.recording.folder import (
     parquet_path,
     stream_path,
     write_about,
+    write_end,
 )
 from phrt.recording.rows import CandidateRows, FrameRows
 from phrt.recording.stream import TableStream, stream_batches, write_parquet
@@ -125,7 +126,6 @@ class Recorder:
         self._closed = True
         self._unlisten()
         if self.failed is not None:
-            self._note("failed", self.failed)
             return
         try:
             for stream in self._streams.values():
@@ -155,9 +155,9 @@ class Recorder:
 
     def _note(self, state: str, error: str | None) -> None:
         """Say in run.json how it ended. Where that cannot be written either, the old one stays."""
-        self._about |= {"state": state, "finished": now(), "frames": self.frames, "error": error}
+        end = {"state": state, "finished": now(), "frames": self.frames, "error": error}
         try:
-            write_about(self.folder, self._about)
+            write_end(self.folder, self._about, end)
         except OSError:
             if state != "failed":
                 raise

@@ -76,7 +76,7 @@ def stream_batches(path: Path) -> Iterator[Any]:
     arrow = import_arrow()
     if not path.exists() or path.stat().st_size == 0:
         return
-    with arrow.memory_map(str(path)) as source:
+    with arrow.OSFile(str(path)) as source:
         try:
             reader = arrow.ipc.open_stream(source)
             while True:

@@ -218,10 +218,10 @@ def test_attention_decides_what_is_traced(scene: Path, tmp_path: Path) -> None:
     ("arguments", "told"),
     [
         (["--attention", "toy"], "--attention is 'toy', expected TAG=FACTOR, as in gold=3"),
-        (["--attention", "toy=much"], "--attention for 'toy' is 'much'; it must be 0 or more, and finite"),
+        (["--attention", "toy=much"], "--attention for 'toy' is 'much'; it must be 0 or more, and at most 1e+18"),
         (["--attention", "toy=-1"], "--attention for 'toy' is -1; it must be 0 or more"),
         (["--view-speed", "-1"], "--view-speed is -1.0; it must be 0 or more"),
-        (["--view-speed", "nan"], "--view-speed is nan; it must be 0 or more, and finite"),
+        (["--view-speed", "nan"], "--view-speed is nan; it must be 0 or more, and at most 1e+18"),
         (["--parameter", "=3"], "--parameter is '=3', expected NAME=VALUE, as in hurry=0.5"),
         (["--persistence", "-1"], "--persistence is -1, allowed: 0 to"),
     ],
@@ -238,6 +238,21 @@ def test_attention_to_what_is_not_there_is_a_warning(scene: Path, tmp_path: Path
     assert done.warnings == [
         "warning: attention: no object has the tag 'toi'; there are toy, wood. Did you mean 'toy'?"
     ]
+
+
+def test_a_situation_that_only_importance_maps_know_can_be_asked_for(scene: Path, tmp_path: Path) -> None:
+    scene.write_text(SCENE.replace("tags: [toy],", "tags: [toy], importance: {default: 1, hunt: 0.001},"))
+    options = ["--json", "--heuristic", "greedy_relevance", "--budget", "1100rays", "--attention", "toy=1000"]
+
+    def traced(*situation: str) -> set[str]:
+        rays = json.loads(render(scene, tmp_path / "picture.exr", *options, *situation).printed)["frames"][0]["rays"]
+        return {kind for kind, count in rays.items() if kind != "primary" and count}
+
+    assert traced() == {"reflections"}
+    assert traced("--situation", "hunt") == {"shadows"}
+    wrong = render(scene, tmp_path / "picture.exr", "--situation", "hnut")
+    assert wrong.code == 2
+    assert "the variant 'hnut' is not one of: default, night" in wrong.errors[0]
 
 
 def test_a_track_holds_where_the_command_line_says_nothing(scene: Path, tmp_path: Path) -> None:

@@ -265,6 +265,8 @@ def test_explain_without_a_frame_tells_how_often(walk: Path) -> None:
         (("--frame", "9"), "frame 9 is not in '.*run'; recorded: 2 to 4"),
         (("--frame", "3", "--object", "miror"), "has no object 'miror'. .* Did you mean 'mirror'"),
         (("--frame", "3", "--object", "mirror", "--effect", "shade"), "has no effect 'shade': "),
+        (("--frame", "3", "--effect", "shade"), "has no effect 'shade': reflections, refractions, shadows"),
+        (("--effect", "shadow"), "has no effect 'shadow': .* Did you mean 'shadows'"),
     ],
 )
 def test_explain_refuses_what_is_not_there(walk: Path, arguments: tuple[str, ...], message: str) -> None:

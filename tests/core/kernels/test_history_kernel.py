@@ -10,7 +10,6 @@ from kernel_kit import unit
 
 from phrt.camera import CameraView, look_at
 from phrt.kernels.history import (
-    FAR_REACH,
     NORMALS_AGREE,
     OFF_PLANE,
     REACH,
@@ -69,6 +68,11 @@ def footprint_of(view: CameraView) -> np.ndarray:
     return np.array([view.pixel_spread, 0] if view.orthographic else [0, view.pixel_spread], np.float32)
 
 
+def eye_of(view: CameraView) -> np.ndarray:
+    matrix = view.world_from_view
+    return np.array([*matrix[:3, 2], 0] if view.orthographic else [*matrix[:3, 3], 1], np.float32)
+
+
 def matched(now: CameraView, then: CameraView, moved: tuple[int, ...] = ()) -> tuple[np.ndarray, np.ndarray]:
     """source and slip of the picture `now`, seen `then` before."""
     here, past = picture(now), picture(then)
@@ -78,7 +82,7 @@ def matched(now: CameraView, then: CameraView, moved: tuple[int, ...] = ()) -> t
     match_pixels(
         0, COUNT, here["object_id"], here["material_id"], here["position"], here["normal"], here["depth"],
         past["object_id"], past["material_id"], past["position"], past["normal"],
-        then.clip_from_world().astype(np.float32), WIDTH, HEIGHT, footprint_of(now), flags, source, slip,
+        then.clip_from_world().astype(np.float32), WIDTH, HEIGHT, footprint_of(now), eye_of(now), flags, source, slip,
     )  # fmt: skip
     return source, slip
 
@@ -170,7 +174,7 @@ def test_the_value_traced_nearest_is_chosen(density: float) -> None:
         nearest = chosen_twin(i, source, slip, mask, offset, lambda i, j: agrees(i, j, here, past, now))
         if chosen[i] < 0:
             gap += 1
-            assert nearest > FAR_REACH - 1e-3
+            assert nearest > REACH - 1e-3
             continue
         j, distance = chosen[i], np.hypot(*(aside[i] * float(STEP)))
         assert agrees(i, j, here, past, now)
@@ -179,7 +183,7 @@ def test_the_value_traced_nearest_is_chosen(density: float) -> None:
         np.testing.assert_allclose(aside[i] * float(STEP), own, atol=float(STEP) * 0.51)
         # The very nearest, or one that is near enough.
         assert distance <= max(nearest, float(REACH)) + 2 * float(STEP)
-    assert (gap == 0) == (density == 1.0)
+    assert (gap < 0.01 * COUNT) == (density == 1.0)
     assert (chosen[source < 0] == -1).all()
 
 

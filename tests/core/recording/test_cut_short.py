@@ -20,6 +20,7 @@ from recording_kit import quietly, record, renderer_of
 
 from phrt.errors import PhrtWarning
 from phrt.recording import Recorder, read_run
+from phrt.recording import folder as folders
 from phrt.recording import stream as streams
 from phrt.recording.folder import parquet_path, stream_path
 
@@ -165,6 +166,25 @@ def test_a_full_disk_ends_the_recording_and_not_the_rendering(
     assert found < 40
     assert f"after {found} frames" in text
     assert read_run(tmp_path / "run").cut_short == f"recording failed after {found} frames: No space left on device"
+
+
+def test_how_it_ended_is_kept_where_only_little_room_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(streams, "open_file", lambda path: io.BufferedWriter(Full(path, 60000), streams.BUFFER_BYTES))
+    whole = folders.write_json
+
+    def small(path: Path, values: Any) -> None:
+        if "config" in values and values["state"] == "failed":
+            raise OSError(errno.ENOSPC, "No space left on device")
+        whole(path, values)
+
+    monkeypatch.setattr(folders, "write_json", small)
+    quietly(record, tmp_path / "run", 40)
+    found = whole_frames(tmp_path / "run")
+    assert read_run(tmp_path / "run").cut_short == f"recording failed after {found} frames: No space left on device"
+    monkeypatch.undo()
+    with renderer_of() as renderer:
+        Recorder(tmp_path / "run", renderer, overwrite=True).close()
+    assert read_run(tmp_path / "run").cut_short is None, "nothing of the old run is left"
 
 
 def test_frames_before_the_disk_was_full_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

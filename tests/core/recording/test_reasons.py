@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from recording_kit import decided, renderer_of, row_of, three_things
+from recording_kit import decided, record, renderer_of, row_of, three_things
 
-from phrt.errors import OptionError
+from phrt.errors import OptionError, PhrtWarning
 from phrt.frame import REASONS, FrameResult
 from phrt.interfaces.heuristic import Heuristic
 from phrt.recording import Recorder, Run, read_run
@@ -132,6 +132,30 @@ def test_effect_off_tells_the_error(tmp_path: Path, frame: FrameResult) -> None:
     )
 
 
+def test_a_heuristic_that_was_switched_off_is_the_reason_from_then_on(tmp_path: Path) -> None:
+    class Breaks(Chooser):
+        def begin_frame(self, candidates: Any, context: Any) -> None:
+            if context.frame_index == 1:
+                raise ValueError("no idea")
+
+    def break_it() -> None:
+        with renderer_of(heuristic=Breaks()) as renderer, Recorder(tmp_path / "run", renderer) as recorder:
+            for _ in range(3):
+                recorder.add(renderer.render())
+
+    with pytest.warns(PhrtWarning, match="no idea; it is switched off"):
+        break_it()
+    run = read_run(tmp_path / "run")
+    sentences = [explain_object(run, number, FLOOR, "shadows")[0].sentence for number in range(3)]
+    assert sentences[0].endswith("Breaks asked for nothing in this frame.")
+    for sentence in sentences[1:]:
+        assert (
+            "the heuristic was switched off after an error in frame 1 (heuristic Breaks failed in begin_frame()"
+            in sentence
+        )
+        assert "ValueError: no idea" in sentence
+
+
 def test_not_asked_behind_the_budget(tmp_path: Path, frame: FrameResult) -> None:
     rows = {
         (FLOOR, "shadows"): {"reason": "not_asked", "predicted_cost": 5.1, "relevance": 0.7},
@@ -187,6 +211,16 @@ def test_every_reason_has_its_own_sentence(tmp_path: Path, frame: FrameResult) -
         rows = {(FLOOR, "shadows"): given, (MIRROR, "reflections"): traced(0)}
         sentences.add(why(tmp_path / str(number), frame, rows))
     assert len(sentences) == len(REASONS)
+
+
+@pytest.mark.parametrize(("group_by", "effects"), [("object", ["all"]), ("object_effect_light", ["shadows@/light0"])])
+def test_other_work_items_are_found_by_their_effect(tmp_path: Path, group_by: Any, effects: list[str]) -> None:
+    record(tmp_path / "run", 2, heuristic="all_trace", group_by=group_by)
+    run = read_run(tmp_path / "run")
+    found = explain_object(run, 1, FLOOR, "shadows")
+    assert [each.effect for each in found] == effects
+    assert found[0].sentence.startswith(f"{subject(effects[0], FLOOR)} traced whole in frame 1: number ")
+    assert [line.effect for line in over_time(run, FLOOR, "shadows")] == effects
 
 
 def test_words_of_items() -> None:
@@ -283,7 +317,10 @@ def test_an_item_over_time(tmp_path: Path, frame: FrameResult) -> None:
     (line,) = over_time(run_of(tmp_path / "run", *frames), MIRROR)
     assert (line.effect, line.frames, line.traced, line.whole) == ("reflections", 5, 3, 2)
     assert (line.first, line.last, line.runs) == (1, 4, "1 to 2, 4")
-    assert {each.object for each in over_time(read_run(tmp_path / "run"))} == {MIRROR, GLASS, FLOOR}
+    run = read_run(tmp_path / "run")
+    assert {each.object for each in over_time(run)} == {MIRROR, GLASS, FLOOR}
+    assert [(each.object, each.effect) for each in over_time(run, effect="refractions")] == [(GLASS, "refractions")]
+    assert over_time(run, FLOOR, "refractions") == []
 
 
 def test_amounts_and_ranks() -> None:
