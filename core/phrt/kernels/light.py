@@ -97,7 +97,7 @@ def direct_light(start, stop, surfaces, materials, lights, view, view_is_point, 
         size = min(BLOCK, stop - block)
         # Everything about the points, side by side; background and unlit surfaces reflect nothing.
         for i in range(size):
-            row = np.uint32(block + i)
+            row = np.uint64(block + i)
             material = materials[material_id[row]]
             at[_LIT, i] = f32(0.0) if object_id[row] == 0 or material.unlit else f32(1.0)
             at[_PLAIN_F0, i], at[_PLAIN_F90, i] = f0_of[material_id[row]], material.specular
@@ -121,7 +121,7 @@ def direct_light(start, stop, surfaces, materials, lights, view, view_is_point, 
                 at[_VX, i], at[_VY, i], at[_VZ, i] = x * scale, y * scale, z * scale
         else:
             for i in range(size):
-                row = np.uint32(block - start + i)
+                row = np.uint64(block - start + i)
                 at[_VX, i], at[_VY, i], at[_VZ, i] = -view[row, 0], -view[row, 1], -view[row, 2]
         for i in range(BLOCK):
             metal, rough = at[_METAL, i], at[_ALPHA2, i]
@@ -181,5 +181,5 @@ def direct_light(start, stop, surfaces, materials, lights, view, view_is_point, 
                 radiance[1, i] = (diffuse * g + fg * specular) * green * arriving
                 radiance[2, i] = (diffuse * b + fb * specular) * blue * arriving
             for i in range(size):
-                row = np.uint32(block + i)
+                row = np.uint64(block + i)
                 out[row, k, 0], out[row, k, 1], out[row, k, 2] = radiance[0, i], radiance[1, i], radiance[2, i]

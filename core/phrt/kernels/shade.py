@@ -145,7 +145,7 @@ def composite(start, stop, pixels, surfaces, materials, camera, background, dire
         # Everything about the points, side by side.
         empty, special, held = 0, 0, 0
         for i in range(size):
-            row = np.uint32(block + i)
+            row = np.uint64(block + i)
             material = materials[material_id[row]]
             at[_F0, i], at[_SPECULAR, i] = f0_of[material_id[row]], material.specular
             at[_LIT, i] = f32(0.0) if material.unlit else f32(1.0)
@@ -204,7 +204,7 @@ def composite(start, stop, pixels, surfaces, materials, camera, background, dire
 
         # Emitted and direct light.
         for i in range(size):
-            row = np.uint32(block + i)
+            row = np.uint64(block + i)
             r, g, b = emissive[row, 0], emissive[row, 1], emissive[row, 2]
             for k in range(lights):
                 light = np.uint32(k)
@@ -222,7 +222,7 @@ def composite(start, stop, pixels, surfaces, materials, camera, background, dire
                 at[_MIRROR_R, i], at[_MIRROR_G, i], at[_MIRROR_B, i] = dome_r * opened, dome_g * opened, dome_b * opened
         else:
             for i in range(size):
-                row = np.uint32(block + i)
+                row = np.uint64(block + i)
                 nx, ny, nz, opened = at[_NX, i], at[_NY, i], at[_NZ, i], at[_OPEN, i]
                 at[_AMBIENT_R, i], at[_AMBIENT_G, i], at[_AMBIENT_B, i] = irradiance(harmonics, nx, ny, nz)
                 if reflection_mask[row] == 0:
@@ -233,7 +233,7 @@ def composite(start, stop, pixels, surfaces, materials, camera, background, dire
                     at[_MIRROR_R, i], at[_MIRROR_G, i], at[_MIRROR_B, i] = r * opened, g * opened, b * opened
         if held:
             for i in range(size):
-                row = np.uint32(block + i)
+                row = np.uint64(block + i)
                 if reflection_mask[row] != 0:
                     r, g, b = reflection[row, 0], reflection[row, 1], reflection[row, 2]
                     at[_MIRROR_R, i], at[_MIRROR_G, i], at[_MIRROR_B, i] = r, g, b
@@ -248,7 +248,7 @@ def composite(start, stop, pixels, surfaces, materials, camera, background, dire
             at[_TOTAL_B, i] += at[_SHARE_B, i] * at[_MIRROR_B, i] + at[_BLUE, i] * (body * at[_AMBIENT_B, i])
         if special:
             for i in range(size):
-                row = np.uint32(block + i)
+                row = np.uint64(block + i)
                 through, cover = at[_BODY, i], at[_COVER, i]
                 r, g, b = refraction[row, 0], refraction[row, 1], refraction[row, 2]
                 at[_TOTAL_R, i] = (at[_TOTAL_R, i] + at[_RED, i] * through * r) * cover + r * (f32(1.0) - cover)
@@ -256,7 +256,7 @@ def composite(start, stop, pixels, surfaces, materials, camera, background, dire
                 at[_TOTAL_B, i] = (at[_TOTAL_B, i] + at[_BLUE, i] * through * b) * cover + b * (f32(1.0) - cover)
         if empty:
             for i in range(size):
-                row = np.uint32(block + i)
+                row = np.uint64(block + i)
                 if object_id[row] == 0:
                     x, y, z = view_direction(camera, pixels[row], width)
                     r, g, b = environment_radiance(sharp, blurred, x, y, z, f32(0.0))

@@ -167,12 +167,12 @@ def surface(
                 out_roughness[row] = f32(1.0)
                 out_transmission[row] = f32(0.0)
                 out_occlusion[row] = f32(1.0)
-                for k in range(3):
-                    out_position[row, k] = f32(0.0)
-                    out_normal[row, k] = f32(0.0)
-                    out_geometric_normal[row, k] = f32(0.0)
-                    out_base_color[row, k] = f32(0.0)
-                    out_emissive[row, k] = f32(0.0)
+                for axis in range(3):
+                    out_position[row, axis] = f32(0.0)
+                    out_normal[row, axis] = f32(0.0)
+                    out_geometric_normal[row, axis] = f32(0.0)
+                    out_base_color[row, axis] = f32(0.0)
+                    out_emissive[row, axis] = f32(0.0)
                 out_uv[row, 0] = f32(0.0)
                 out_uv[row, 1] = f32(0.0)
 
@@ -202,29 +202,29 @@ def surface(
                 uv[2, k] = g_uv1[a, 0] * wa + g_uv1[b, 0] * wb + g_uv1[c, 0] * wc
                 uv[3, k] = g_uv1[a, 1] * wa + g_uv1[b, 1] * wb + g_uv1[c, 1] * wc
         else:
-            for k in range(hits):
-                uv[2, k], uv[3, k] = uv[0, k], uv[1, k]
+            for i in range(hits):
+                uv[2, i], uv[3, i] = uv[0, i], uv[1, i]
 
         # The triangle's normal, and how wide the ray cone is among the texture coordinates.
         # Ray cones (Akenine-Moller et al. 2021, eq. 3); ours: the geometric mean of the footprint's axes, which keeps
         # floors sharper than its long axis would.
-        for k in range(hits):
-            gx, gy, gz = at[_GX, k], at[_GY, k], at[_GZ, k]
+        for i in range(hits):
+            gx, gy, gz = at[_GX, i], at[_GY, i], at[_GZ, i]
             scale = f32(1.0) / (math.sqrt(gx * gx + gy * gy + gz * gz) + f32(1e-30))
-            facing = at[_FACING, k] * scale
-            width = cone_at_eye + cone_spread * at[_PATH, k]
+            facing = at[_FACING, i] * scale
+            width = cone_at_eye + cone_spread * at[_PATH, i]
             grazing = max(abs(facing), f32(0.02))
-            footprint[k] += fast_log2(width + f32(1e-12)) - f32(0.5) * fast_log2(grazing)
+            footprint[i] += fast_log2(width + f32(1e-12)) - f32(0.5) * fast_log2(grazing)
             scale = -scale if facing > f32(0.0) else scale
-            at[_GX, k], at[_GY, k], at[_GZ, k] = gx * scale, gy * scale, gz * scale
+            at[_GX, i], at[_GY, i], at[_GZ, i] = gx * scale, gy * scale, gz * scale
 
         # Base colour and coverage.
         if sample_block(hits, texture, uv, footprint, True, m_texels, m_textures, m_level_start, taps, part, texel):
-            for k in range(hits):
-                at[_RED, k] *= texel[0, k]
-                at[_GREEN, k] *= texel[1, k]
-                at[_BLUE, k] *= texel[2, k]
-                at[_ALPHA, k] *= texel[3, k]
+            for i in range(hits):
+                at[_RED, i] *= texel[0, i]
+                at[_GREEN, i] *= texel[1, i]
+                at[_BLUE, i] *= texel[2, i]
+                at[_ALPHA, i] *= texel[3, i]
         if colored:
             for i in range(hits):
                 k = np.uint32(i)
@@ -237,23 +237,23 @@ def surface(
                 at[_ALPHA, k] *= g_colors[a, 3] * wa + g_colors[b, 3] * wb + g_colors[c, 3] * wc
         if holes:
             kept = 0
-            for k in range(hits):
-                material = m_materials[ids[_MATERIAL, k]]
-                if material.alpha_mode == ALPHA_MASK and at[_ALPHA, k] < material.alpha_cutoff:
-                    passed[ids[_RAY, k]] = 1
+            for i in range(hits):
+                material = m_materials[ids[_MATERIAL, i]]
+                if material.alpha_mode == ALPHA_MASK and at[_ALPHA, i] < material.alpha_cutoff:
+                    passed[ids[_RAY, i]] = 1
                     continue
-                if kept < k:
-                    at[:, kept] = at[:, k]
-                    ids[:, kept] = ids[:, k]
-                    uv[:, kept] = uv[:, k]
-                    footprint[kept] = footprint[k]
+                if kept < i:
+                    at[:, kept] = at[:, i]
+                    ids[:, kept] = ids[:, i]
+                    uv[:, kept] = uv[:, i]
+                    footprint[kept] = footprint[i]
                 kept += 1
             hits = kept
 
         # Shading normal, towards the side the ray came from.
         if normal_maps:
-            for k in range(hits):
-                texture[k] = m_materials[ids[_MATERIAL, k]].normal_texture
+            for i in range(hits):
+                texture[i] = m_materials[ids[_MATERIAL, i]].normal_texture
             sample_block(hits, texture, uv, footprint, False, m_texels, m_textures, m_level_start, taps, part, texel)
             for i in range(hits):
                 k = np.uint32(i)
@@ -276,59 +276,59 @@ def surface(
                     at[_NX, k] = tx * sx + bx * sy + nx * sz
                     at[_NY, k] = ty * sx + by * sy + ny * sz
                     at[_NZ, k] = tz * sx + bz * sy + nz * sz
-        for k in range(hits):
-            nx, ny, nz = at[_NX, k], at[_NY, k], at[_NZ, k]
+        for i in range(hits):
+            nx, ny, nz = at[_NX, i], at[_NY, i], at[_NZ, i]
             scale = f32(1.0) / (math.sqrt(nx * nx + ny * ny + nz * nz) + f32(1e-30))
-            scale = -scale if at[_FACING, k] > f32(0.0) else scale
-            at[_NX, k], at[_NY, k], at[_NZ, k] = nx * scale, ny * scale, nz * scale
+            scale = -scale if at[_FACING, i] > f32(0.0) else scale
+            at[_NX, i], at[_NY, i], at[_NZ, i] = nx * scale, ny * scale, nz * scale
 
         # The other textures.
         if rough_maps:
-            for k in range(hits):
-                texture[k] = m_materials[ids[_MATERIAL, k]].metallic_roughness_texture
+            for i in range(hits):
+                texture[i] = m_materials[ids[_MATERIAL, i]].metallic_roughness_texture
             sample_block(hits, texture, uv, footprint, False, m_texels, m_textures, m_level_start, taps, part, texel)
-            for k in range(hits):
-                at[_ROUGH, k] *= texel[1, k]
-                at[_METAL, k] *= texel[2, k]
+            for i in range(hits):
+                at[_ROUGH, i] *= texel[1, i]
+                at[_METAL, i] *= texel[2, i]
         if pass_maps:
-            for k in range(hits):
-                texture[k] = m_materials[ids[_MATERIAL, k]].transmission_texture
+            for i in range(hits):
+                texture[i] = m_materials[ids[_MATERIAL, i]].transmission_texture
             sample_block(hits, texture, uv, footprint, False, m_texels, m_textures, m_level_start, taps, part, texel)
-            for k in range(hits):
-                at[_PASSES, k] *= texel[0, k]
+            for i in range(hits):
+                at[_PASSES, i] *= texel[0, i]
         if baked_maps:
-            for k in range(hits):
-                texture[k] = m_materials[ids[_MATERIAL, k]].occlusion_texture
+            for i in range(hits):
+                texture[i] = m_materials[ids[_MATERIAL, i]].occlusion_texture
             sample_block(hits, texture, uv, footprint, False, m_texels, m_textures, m_level_start, taps, part, texel)
-            for k in range(hits):
-                at[_OPEN, k] += m_materials[ids[_MATERIAL, k]].occlusion_strength * (texel[0, k] - f32(1.0))
+            for i in range(hits):
+                at[_OPEN, i] += m_materials[ids[_MATERIAL, i]].occlusion_strength * (texel[0, i] - f32(1.0))
         if glow_maps:
-            for k in range(hits):
-                texture[k] = m_materials[ids[_MATERIAL, k]].emissive_texture
+            for i in range(hits):
+                texture[i] = m_materials[ids[_MATERIAL, i]].emissive_texture
             sample_block(hits, texture, uv, footprint, True, m_texels, m_textures, m_level_start, taps, part, texel)
-            for k in range(hits):
-                at[_ER, k] *= texel[0, k]
-                at[_EG, k] *= texel[1, k]
-                at[_EB, k] *= texel[2, k]
+            for i in range(hits):
+                at[_ER, i] *= texel[0, i]
+                at[_EG, i] *= texel[1, i]
+                at[_EB, i] *= texel[2, i]
 
         # Everything to its place: array by array.
-        for k in range(hits):
-            material = m_materials[ids[_MATERIAL, k]]
+        for i in range(hits):
+            material = m_materials[ids[_MATERIAL, i]]
             if material.alpha_mode != ALPHA_BLEND:
-                at[_ALPHA, k] = f32(1.0)
+                at[_ALPHA, i] = f32(1.0)
             if material.unlit:
-                at[_ER, k], at[_EG, k], at[_EB, k] = at[_RED, k], at[_GREEN, k], at[_BLUE, k]
-        for k in range(hits):
-            x, y, z = at[_PX, k] - eye_x, at[_PY, k] - eye_y, at[_PZ, k] - eye_z
-            at[_DEPTH, k] = x * forward_x + y * forward_y + z * forward_z
+                at[_ER, i], at[_EG, i], at[_EB, i] = at[_RED, i], at[_GREEN, i], at[_BLUE, i]
+        for i in range(hits):
+            x, y, z = at[_PX, i] - eye_x, at[_PY, i] - eye_y, at[_PZ, i] - eye_z
+            at[_DEPTH, i] = x * forward_x + y * forward_y + z * forward_z
         scatter3(hits, ids, at, _PX, out_position)
         scatter3(hits, ids, at, _NX, out_normal)
         scatter3(hits, ids, at, _GX, out_geometric_normal)
         scatter3(hits, ids, at, _RED, out_base_color)
         scatter3(hits, ids, at, _ER, out_emissive)
-        for k in range(hits):
-            row = ids[_TARGET, k]
-            out_uv[row, 0], out_uv[row, 1] = uv[0, k], uv[1, k]
+        for i in range(hits):
+            row = ids[_TARGET, i]
+            out_uv[row, 0], out_uv[row, 1] = uv[0, i], uv[1, i]
         scatter1(hits, ids, at, _DEPTH, out_depth)
         scatter1(hits, ids, at, _ALPHA, out_alpha)
         scatter1(hits, ids, at, _METAL, out_metallic)
