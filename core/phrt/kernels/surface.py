@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from phrt.conventions import NO_PRIMITIVE
-from phrt.kernels.jit import device, kernel
+from phrt.kernels.jit import kernel
 from phrt.kernels.textures import BLOCK, fast_log2, sample_block
 from phrt.materials import ALPHA_BLEND, ALPHA_MASK
 
@@ -23,21 +23,6 @@ _METAL, _ROUGH, _PASSES, _OPEN, _ER, _EG, _EB, _DEPTH = range(17, 25)
 _ROWS = 25
 _TARGET, _RAY, _HIT, _MATERIAL, _OBJECT, _A, _B, _C = range(8)
 _IDS = 8
-
-
-@device
-def scatter1(count, ids, block, of, out):
-    """Row `of` of a block to where its hits belong in `out` (n,)."""
-    for k in range(count):
-        out[ids[_TARGET, k]] = block[of, k]
-
-
-@device
-def scatter3(count, ids, block, of, out):
-    """Rows `of` to `of` + 2 of a block to where its hits belong in `out` (n, 3)."""
-    for k in range(count):
-        row = ids[_TARGET, k]
-        out[row, 0], out[row, 1], out[row, 2] = block[of, k], block[of + 1, k], block[of + 2, k]
 
 
 @kernel
@@ -119,7 +104,7 @@ def surface(
     going_on = 0
     for first in range(0, len(primitive), BLOCK):
         # The hits of this block: misses and what the rays pass are sorted out, the others stand side by side.
-        hits, misses = 0, 0
+        hits, misses = np.int64(0), 0  # no plain 0: numba would compile `sample_block` for it alone
         for i in range(first, min(first + BLOCK, len(primitive))):
             ray = np.uint32(order[i])
             passed[ray] = 0
@@ -236,7 +221,7 @@ def surface(
                 at[_BLUE, k] *= g_colors[a, 2] * wa + g_colors[b, 2] * wb + g_colors[c, 2] * wc
                 at[_ALPHA, k] *= g_colors[a, 3] * wa + g_colors[b, 3] * wb + g_colors[c, 3] * wc
         if holes:
-            kept = 0
+            kept = np.int64(0)
             for i in range(hits):
                 material = m_materials[ids[_MATERIAL, i]]
                 if material.alpha_mode == ALPHA_MASK and at[_ALPHA, i] < material.alpha_cutoff:
@@ -311,7 +296,7 @@ def surface(
                 at[_EG, i] *= texel[1, i]
                 at[_EB, i] *= texel[2, i]
 
-        # Everything to its place: array by array.
+        # Everything to its place, few arrays at a time.
         for i in range(hits):
             material = m_materials[ids[_MATERIAL, i]]
             if material.alpha_mode != ALPHA_BLEND:
@@ -321,22 +306,33 @@ def surface(
         for i in range(hits):
             x, y, z = at[_PX, i] - eye_x, at[_PY, i] - eye_y, at[_PZ, i] - eye_z
             at[_DEPTH, i] = x * forward_x + y * forward_y + z * forward_z
-        scatter3(hits, ids, at, _PX, out_position)
-        scatter3(hits, ids, at, _NX, out_normal)
-        scatter3(hits, ids, at, _GX, out_geometric_normal)
-        scatter3(hits, ids, at, _RED, out_base_color)
-        scatter3(hits, ids, at, _ER, out_emissive)
+        for i in range(hits):
+            row = ids[_TARGET, i]
+            out_position[row, 0], out_position[row, 1], out_position[row, 2] = at[_PX, i], at[_PY, i], at[_PZ, i]
+        for i in range(hits):
+            row = ids[_TARGET, i]
+            out_normal[row, 0], out_normal[row, 1], out_normal[row, 2] = at[_NX, i], at[_NY, i], at[_NZ, i]
+        for i in range(hits):
+            row = ids[_TARGET, i]
+            out_geometric_normal[row, 0], out_geometric_normal[row, 1], out_geometric_normal[row, 2] = at[_GX, i], at[_GY, i], at[_GZ, i]
+        for i in range(hits):
+            row = ids[_TARGET, i]
+            out_base_color[row, 0], out_base_color[row, 1], out_base_color[row, 2] = at[_RED, i], at[_GREEN, i], at[_BLUE, i]
+        for i in range(hits):
+            row = ids[_TARGET, i]
+            out_emissive[row, 0], out_emissive[row, 1], out_emissive[row, 2] = at[_ER, i], at[_EG, i], at[_EB, i]
         for i in range(hits):
             row = ids[_TARGET, i]
             out_uv[row, 0], out_uv[row, 1] = uv[0, i], uv[1, i]
-        scatter1(hits, ids, at, _DEPTH, out_depth)
-        scatter1(hits, ids, at, _ALPHA, out_alpha)
-        scatter1(hits, ids, at, _METAL, out_metallic)
-        scatter1(hits, ids, at, _ROUGH, out_roughness)
-        scatter1(hits, ids, at, _PASSES, out_transmission)
-        scatter1(hits, ids, at, _OPEN, out_occlusion)
-        scatter1(hits, ids, ids, _OBJECT, out_object_id)
-        scatter1(hits, ids, ids, _HIT, out_primitive_id)
-        scatter1(hits, ids, ids, _MATERIAL, out_material_id)
+        for i in range(hits):
+            row = ids[_TARGET, i]
+            out_depth[row], out_alpha[row], out_occlusion[row] = at[_DEPTH, i], at[_ALPHA, i], at[_OPEN, i]
+        for i in range(hits):
+            row = ids[_TARGET, i]
+            out_metallic[row], out_roughness[row], out_transmission[row] = at[_METAL, i], at[_ROUGH, i], at[_PASSES, i]
+        for i in range(hits):
+            row = ids[_TARGET, i]
+            out_object_id[row], out_primitive_id[row] = ids[_OBJECT, i], ids[_HIT, i]
+            out_material_id[row] = ids[_MATERIAL, i]
         going_on += min(BLOCK, len(primitive) - first) - hits - misses
     return going_on
