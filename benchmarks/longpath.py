@@ -369,9 +369,10 @@ def _styles() -> Iterator[dict[str, Any]]:
 
 def progress_bar(console: Console) -> tuple[Progress, Callable[[Step], None]]:
     """A bar for each runner, and what moves it."""
+    # A bar that cannot be redrawn is no use: lines are written instead.
     shown = Progress(
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
-        console=console,
+        console=console, disable=not console.is_terminal,
     )  # fmt: skip
     tasks: dict[str, Any] = {}
 
@@ -379,6 +380,9 @@ def progress_bar(console: Console) -> tuple[Progress, Callable[[Step], None]]:
         if step.name not in tasks:
             tasks[step.name] = shown.add_task(step.name, total=step.total)
         shown.advance(tasks[step.name])
+        done = int(shown.tasks[tasks[step.name]].completed)
+        if not console.is_terminal and done % 1000 == 0:
+            print(f"{step.name}: frame {done} of {step.total}", file=sys.stderr, flush=True)
 
     return shown, tell
 

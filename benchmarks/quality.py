@@ -11,8 +11,12 @@ import multiprocessing
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from importlib.util import find_spec
 
 import numpy as np
+
+PACKAGES = {"flip_evaluator": "flip-evaluator", "skimage": "scikit-image"}
+"""What is needed, by the name that it is imported by."""
 
 SMALLEST_SIDE = 7
 """Pixels: the window of SSIM."""
@@ -24,6 +28,11 @@ class Quality:
 
     flip: float
     ssim: float
+
+
+def missing_packages() -> list[str]:
+    """Those of PACKAGES that are not installed, to be known before an hour of frames and not after it."""
+    return [package for module, package in PACKAGES.items() if find_spec(module) is None]
 
 
 def checked(picture: np.ndarray, name: str) -> np.ndarray:

@@ -26,6 +26,7 @@ import loads
 import longpath
 import machine
 import numpy as np
+import quality
 import rows
 import selection
 import tracers
@@ -170,7 +171,9 @@ def measure_selection(plan: Plan, report: Report) -> None:
     """Row 9."""
     if plan.any_of(SELECTION_ROWS):
         names = plan.heuristics or contest.heuristics_here()
-        report.deciding = selection.measure(names, plan.repeats, threads=plan.threads, progress=plan.progress)
+        report.deciding = selection.measure(
+            names, selection.COUNTS, plan.repeats, threads=plan.threads, progress=plan.progress
+        )
         report.rows += selection.selection_rows(report.deciding)
 
 
@@ -330,6 +333,8 @@ def arguments_of(given: Sequence[str] | None) -> argparse.Namespace:
         parser.error(f"PHRT_ASSETS is {arguments.assets}, where these are missing: {', '.join(missing)}")
     if reason := embree_reason():
         parser.error(f"the tracer 'embree' is not available: {reason}")
+    if set(arguments.rows) & set(BUDGET_ROWS) and (missing := quality.missing_packages()):
+        parser.error(f"rows 6 to 8 compare pictures with {', '.join(missing)}: install the extra `bench`")
     return arguments
 
 

@@ -43,15 +43,15 @@ SETS = 4
 
 
 class NoEffect(RayEffect):
-    """Traces nothing, at no cost: every value is 0, and stands for `rays` a pixel."""
+    """Traces nothing, at no cost: every value is 0, and stands for `rays` a pixel; `pixels` at most."""
 
     reads = ()
 
-    def __init__(self, name: str, rays: float) -> None:
+    def __init__(self, name: str, rays: float, pixels: int) -> None:
         self.name = name
         self.writes = LayerSpec(name, 1, 0.0, "nothing")
         self._rays = rays
-        self._zeros = np.zeros((MEAN_PIXELS * max(COUNTS), 1), np.float32)
+        self._zeros = np.zeros((pixels, 1), np.float32)
 
     def applies_to(self, world: Any) -> np.ndarray:
         return np.ones(1, bool)
@@ -173,7 +173,8 @@ class Deciding:
 
 def decide(heuristic: str, made: Made, repeats: int, threads: int = 2) -> Deciding:
     """Frames of one heuristic; as many again come first and are not counted."""
-    effects: list[RayEffect] = [NoEffect(name, rays) for name, rays in zip(EFFECTS, RAYS, strict=True)]
+    largest = max(len(pixels) for pixels in made.work.pixels)
+    effects: list[RayEffect] = [NoEffect(name, rays, largest) for name, rays in zip(EFFECTS, RAYS, strict=True)]
     chooser = get_registry().create("heuristic", heuristic)
     experience = Experience(int(made.work.units.object_id.max()), list(RAYS))
     clock = RayClock(NANOSECONDS_PER_RAY)
@@ -181,7 +182,6 @@ def decide(heuristic: str, made: Made, repeats: int, threads: int = 2) -> Decidi
     workers, watch = Workers(threads), Watch()
     watch.sees_the_pool(workers)
     frame = cast(Any, SimpleNamespace(workers=workers, view=SimpleNamespace(width=WIDTH), world=None))
-    largest = max(len(pixels) for pixels in made.work.pixels)
     layers = LayerSet(
         {name: np.zeros((largest, 1), np.float32) for name in EFFECTS},
         {name: np.zeros(largest, np.uint8) for name in EFFECTS},
@@ -207,8 +207,8 @@ def decide(heuristic: str, made: Made, repeats: int, threads: int = 2) -> Decidi
 
 def measure(
     names: Sequence[str],
+    counts: Sequence[int],
     repeats: int,
-    counts: Sequence[int] = COUNTS,
     *,
     threads: int = 2,
     progress: Callable[[str], None] = lambda text: None,

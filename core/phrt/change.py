@@ -65,7 +65,8 @@ def pick_sample(
     mine = np.flatnonzero(units.effect == index)
     count = units.count[mine]
     quota = (SAMPLES / 2 * (1 / len(mine) + count / count.sum())).astype(np.float32)
-    capacity = int(np.minimum(np.floor(quota) + 1, count).sum())
+    # A quota is rounded up at most once, and once more by float32.
+    capacity = int(np.minimum(np.floor(quota) + 2, count).sum())
     rows, unit = np.empty(capacity, np.int32), np.empty(capacity, np.int32)
     found = pick_samples(
         work.pixels[index], units.first[mine], count, units.object_id[mine], quota, frame.surfaces.material_id,

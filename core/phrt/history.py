@@ -3,7 +3,7 @@ changed it.
 
 Only references to the previous frame's arrays are kept; `BufferPool` leaves them alone as long. What was taken over is
 itself taken over in the next frame, with its age and with the place where it was traced, so that it does not drift.
-Source: Walter, Drettakis and Parker 1999 (the render cache); Scherzer et al. 2012, section 3 (reverse reprojection).
+Source: Walter et al. 1999 (the render cache); Scherzer et al. 2012 (reverse reprojection).
 """
 
 from __future__ import annotations
@@ -29,8 +29,6 @@ from phrt.world import World
 
 BAND_PIXELS = 32768
 """Pixels a thread takes at a time, in whole rows of tiles."""
-
-_FOR_EVER = 255
 
 
 @dataclass(frozen=True)
@@ -128,12 +126,6 @@ class History:
         self._trails = {}
         self._eyes.appendleft(eye_row(frame.view))
 
-    def forget(self) -> None:
-        """Nothing of the frames so far is used again."""
-        self._past = None
-        self._trails = {}
-        self._eyes.clear()
-
     def _moves(self, past: _Past, world: World) -> _Moves:
         moved = (world.object_matrix != past.object_matrix).any(axis=(1, 2))
         casters = np.flatnonzero(moved & world.object_casts_shadow)
@@ -188,7 +180,7 @@ class History:
                 )  # fmt: skip
                 if number and len(moves.casters) and len(ends[name]):
                     number -= forget_crossed(
-                        first, last, width, here.object_id, here.position, here.geometric_normal, here.depth, footprint,
+                        first, last, width, here.position, here.geometric_normal, here.depth, footprint,
                         eyes[0], ends[name], moves.casters, MASK_HISTORY, MASK_NONE, np.float32(self._clear[name]),
                         layer, mask,
                     )  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from os import PathLike, fspath
 
 import numpy as np
@@ -25,12 +25,19 @@ def profiled(given: Profile | str | PathLike[str] | None, scene: Scene) -> tuple
     return profile, result
 
 
-def known_rays(profile: Profile, scene: Scene, effects: Sequence[RayEffect]) -> np.ndarray:
-    """(N + 1, effects) float64: Q of every object of `scene`, NaN where `profile` does not know an effect. An effect that is one
-    light's part of one that the profile knows has its share of that."""
+def known_rays(
+    profile: Profile, scene: Scene, effects: Sequence[RayEffect], changed: Collection[str] = ()
+) -> np.ndarray:
+    """(N + 1, effects) float64: Q of every object of `scene`, NaN where `profile` does not know it. An effect that is one
+    light's part of one that the profile knows has its share of that.
+
+    changed: effects with other options than the scene's, which the profile was made with; what it says of them does not hold.
+    """
     names = [effect.switch for effect in effects]
     shares = np.array([names.count(name) for name in names], np.float64)
-    return profile.rays_per_pixel(scene, names) / shares
+    found = profile.rays_per_pixel(scene, names) / shares
+    found[:, [name in changed for name in names]] = np.nan
+    return found
 
 
 def known_costs(profile: Profile | None, effects: Sequence[RayEffect]) -> dict[str, dict[str, float]]:

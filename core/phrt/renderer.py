@@ -171,7 +171,7 @@ class Renderer:
         if isinstance(beneath(self.clock), WallClock):
             self._costs.warm(known_costs(known, self.effects) | recall(self._costs_key))
         if known is not None:
-            self._experience.expect(known_rays(known, scene, self.effects))
+            self._experience.expect(known_rays(known, scene, self.effects, effects or ()))
         self._scheduler = BudgetScheduler(self._costs, self._experience, self._faults, self.clock)
         self._pace = Pace()
         self._told_short = False

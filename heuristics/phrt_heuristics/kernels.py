@@ -113,29 +113,3 @@ def select_nodes(cost, by_relevance, pointers, traced, state, remaining, enough,
         taken[count] = node
         count += 1
     return count
-
-
-@kernel
-def take_steps(item, passes, cost, place, remaining, enough, row_of_item, taken):
-    """Steps (s,) in order from place[0] on, as `take_fitting`: those that fit, until they cost `enough` together.
-
-    taken (k, 2) int32 gets items and passes, one row for all steps of an item; row_of_item (n,) int32 is -1 before and after.
-    Returns how many rows there are.
-    """
-    count, planned = 0, 0.0
-    while place[0] < len(item) and planned < enough:
-        step = place[0]
-        place[0] += 1
-        if cost[step] > remaining - planned:
-            continue
-        planned += cost[step]
-        row = row_of_item[item[step]]
-        if row < 0:
-            row = count
-            row_of_item[item[step]] = row
-            taken[row, 0], taken[row, 1] = item[step], 0
-            count += 1
-        taken[row, 1] += passes[step]
-    for row in range(count):
-        row_of_item[taken[row, 0]] = -1
-    return count

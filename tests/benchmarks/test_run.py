@@ -187,6 +187,52 @@ def test_wrong_command_line_ends_with_one_clear_message(arguments, with_assets, 
     assert "Traceback" not in done.stderr
 
 
+def test_a_package_that_is_missing_is_told_before_the_first_frame(module, assets, monkeypatch, capsys):
+    run, quality = module("run"), module("quality")
+    monkeypatch.setattr(quality, "PACKAGES", {"numpy": "numpy", "no_such_module": "no-such-package"})
+    monkeypatch.setenv("PHRT_ASSETS", str(assets))
+    with pytest.raises(SystemExit) as ended:
+        run.arguments_of(["--rows", "4,7"])
+    assert ended.value.code == 2
+    assert "rows 6 to 8 compare pictures with no-such-package" in capsys.readouterr().err
+    assert run.arguments_of(["--rows", "4"]).rows == [4]
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [("gain,luck", "given luck; heuristics are "), (",", "given nothing; heuristics are ")],
+)
+def test_an_unknown_heuristic_is_told_with_those_there_are(module, assets, monkeypatch, capsys, given, message):
+    monkeypatch.setenv("PHRT_ASSETS", str(assets))
+    with pytest.raises(SystemExit) as ended:
+        module("run").arguments_of(["--heuristics", given])
+    assert ended.value.code == 2
+    assert message in " ".join(capsys.readouterr().err.split())
+
+
+def test_rows_of_budgets_selection_and_path_come_in_one_report(module, assets, monkeypatch, tmp_path):
+    run, contest, longpath, selection = (module(name) for name in ("run", "contest", "longpath", "selection"))
+    monkeypatch.setattr(contest, "WARM_UP", 1)
+    monkeypatch.setattr(selection, "COUNTS", (10, 100))
+    monkeypatch.setattr(run.budgets, "RULES", {6: run.budgets.RULES[6]})
+    monkeypatch.setattr(longpath, "lap_times", lambda scene: [0.0, 0.1])
+    names = ["selection_graph", "gain"]
+    plan = run.Plan(assets, [6, 9, 12], 1, size=SIZE, frames=2, every=1, long=4, heuristics=names)
+    report = run.run_benchmarks(plan)
+    told = json.loads(json.dumps(report.as_json(), allow_nan=False))
+    assert {row["number"] for row in told["rows"]} == {6, 12}
+    assert [entry["heuristic"] for entry in told["budgets"][0]["standings"]] == ["all-trace, no budget", *names]
+    assert [(entry["heuristic"], entry["count"]) for entry in told["selection"]] == [
+        (name, count) for count in (10, 100) for name in names
+    ]
+    assert {len(laps) for laps in told["long_path"]["laps"].values()} == {2}
+    with (tmp_path / "shown.txt").open("w") as file:
+        run.show(report, run.Console(file=file, width=150))
+    shown = (tmp_path / "shown.txt").read_text()
+    assert "half the rays, mean FLIP: gain" in shown
+    assert "Long path: gain" in shown
+
+
 def test_bare_rates_of_a_small_geometry_hold_every_contender_and_ratio(module, monkeypatch):
     tracers = module("tracers")
     monkeypatch.setattr(tracers, "WIDTH", 32)

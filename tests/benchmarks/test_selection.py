@@ -80,7 +80,7 @@ def test_growth_is_1_for_n_log_n_and_more_for_more(module):
 def test_every_heuristic_is_measured_at_every_size(module):
     selection = module("selection")
     said: list[str] = []
-    found = selection.measure(["random", "uniform"], 1, (20, 60), progress=said.append)
+    found = selection.measure(["random", "uniform"], (20, 60), 1, progress=said.append)
     assert [(entry.heuristic, entry.count) for entry in found] == [
         ("random", 20), ("uniform", 20), ("random", 60), ("uniform", 60),
     ]  # fmt: skip

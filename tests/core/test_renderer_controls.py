@@ -243,6 +243,16 @@ def test_q_of_a_profile_is_what_predictions_start_from() -> None:
     np.testing.assert_allclose(work.cost, work.visibility * work.ray_estimate)
 
 
+def test_q_of_an_effect_with_other_options_than_the_scenes_is_its_own_estimate() -> None:
+    scene = two_balls()
+    given = profile(plain=Given(effects={"shadows": "auto"}))
+    made, heard = renderer(scene, profile=given, effects={"shadows": {"samples": 4}})
+    with made:
+        made.render()
+    work = heard.candidates[0]
+    assert dict(zip(work.object_id.tolist(), work.ray_estimate.tolist(), strict=True)) == {1: 2.5, 2: 1.0}
+
+
 def test_light_by_light_the_lights_share_q_and_cost_the_same() -> None:
     scene = two_balls()
     scene.lights.append(scene.lights[0])

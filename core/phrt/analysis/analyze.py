@@ -42,9 +42,13 @@ class ProbeOptions:
 
 @dataclass(frozen=True)
 class _Looked:
-    """A scene in one situation, and what its probes found. factor (N + 1,): importance by rule and measurement."""
+    """A scene in one situation, and what its probes found; the scene itself is let go. factor (N + 1,): importance by rule and
+    measurement. rows: by path, object numbers, 1-based. situations: all that the scene knows."""
 
-    scene: Scene
+    name: str
+    objects: list[SceneObject]
+    objects_hash: str
+    situations: list[str]
     findings: Findings
     kinds: list[str]
     factor: np.ndarray
@@ -63,17 +67,13 @@ def analyze(
     """
     looked = {situation: _look(load(situation), options, partial(done, situation)) for situation in situations}
     plain = looked[situations[0]]
-    entries: dict[str, SceneObject] = {
-        entry.path: entry for look in reversed(looked.values()) for entry in look.scene.objects
-    }
-    measured = {path: _measured(path, entry, looked, known_situations(plain.scene)) for path, entry in entries.items()}
+    entries = {entry.path: entry for look in reversed(looked.values()) for entry in look.objects}
+    measured = {path: _measured(path, entry, looked, plain.situations) for path, entry in entries.items()}
     gain = {path: _gain(path, looked) for path in entries}
     order = sorted(entries, key=lambda path: (-gain[path], not measured[path].seen, path))
     return Profile(
         phrt_profile=PROFILE_VERSION,
-        scene=ProfiledScene(
-            name=plain.scene.name, objects={name: objects_hash(look.scene) for name, look in looked.items()}
-        ),
+        scene=ProfiledScene(name=plain.name, objects={name: look.objects_hash for name, look in looked.items()}),
         probes=Probes(
             frames=max(look.findings.frames for look in looked.values()),
             size=options.size,
@@ -102,7 +102,9 @@ def _look(scene: Scene, options: ProbeOptions, done: Callable[[], None]) -> _Loo
     measured = measured_factors(findings.total_change, findings.pixels)
     factor = factors(measured, findings.pixels, rule_factors(world, kinds), kinds, scene)
     rows = {entry.path: row for row, entry in enumerate(scene.objects, start=1)}
-    return _Looked(scene, findings, kinds, factor, rows)
+    return _Looked(
+        scene.name, scene.objects, objects_hash(scene), known_situations(scene), findings, kinds, factor, rows
+    )
 
 
 def _measured(path: str, entry: SceneObject, looked: dict[str, _Looked], situations: list[str]) -> Measured:
@@ -132,7 +134,7 @@ def _importance(entry: SceneObject, mine: dict[str, tuple[_Looked, int]], situat
     found: dict[str, float] = {}
     for situation in dict.fromkeys((*situations, *mine)):
         look, at = mine.get(situation, (first, row))
-        said = look.scene.objects[at - 1].importance if situation in mine else entry.importance
+        said = look.objects[at - 1].importance if situation in mine else entry.importance
         found[situation] = _short(said.get(situation, said.get("default", 1.0)) * float(look.factor[at]))
     # What is left out is as `default`; a tenth more or less is that, too.
     usual = found["default"]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from phrt.clock import RecordingClock, WallClock
+from phrt.clock import Clock, WallClock
 from phrt.frame import FrameResult
 from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic
 from phrt.output.tonemap import to_8bit
@@ -33,6 +33,20 @@ class LeaveOut(Heuristic):
 
     def next(self, remaining: float) -> int | None:
         return self._items.pop() if self._items else None
+
+
+class ProbeClock(Clock):
+    """Real time, without being a `WallClock`: what probes cost goes into the profile, and is not what the next run of the scene
+    begins with (phrt.cost_memory)."""
+
+    def __init__(self) -> None:
+        self._clock = WallClock()
+
+    def now_ms(self) -> float:
+        return self._clock.now_ms()
+
+    def wave(self, started_ms: float, thread_ms: np.ndarray, rays: np.ndarray) -> np.ndarray:
+        return self._clock.wave(started_ms, thread_ms, rays)
 
 
 @dataclass
@@ -96,8 +110,7 @@ def probe(
 ) -> Findings:
     """What `frames` probes of `scene` at `size` (width, height) find; `done` is called after each."""
     heuristic = LeaveOut()
-    # Not a plain WallClock: what probes cost is for the profile, and not what the next run begins with.
-    clock = RecordingClock(WallClock())
+    clock = ProbeClock()
     with Renderer(
         scene, size=size, heuristic=heuristic, threads=threads, budget="none", clock=clock, history=False
     ) as renderer:

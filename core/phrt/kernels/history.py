@@ -24,6 +24,8 @@ OFF_PLANE = f32(2.0)
 """How far the earlier point may lie off the plane of the present one, in widths of a pixel there,"""
 ASIDE = f32(1.25)
 """and how many times as far beside it, over the cosine to the eye: an earlier picture may have been coarser."""
+GRAZING = f32(0.05)
+"""Cosines to the eye are taken to be no less."""
 BLOCK = 256
 TILE = 16
 """Tiles of so many pixels a side are tested against what moved, before their pixels are."""
@@ -49,7 +51,7 @@ def width_on_surface(footprint, depth, eye, x, y, z, nx, ny, nz):
     dx, dy, dz = eye[0] - x * eye[3], eye[1] - y * eye[3], eye[2] - z * eye[3]
     length = math.sqrt(dx * dx + dy * dy + dz * dz + f32(1e-20))
     cosine = abs(dx * nx + dy * ny + dz * nz)
-    return (footprint[0] + footprint[1] * depth) * length / max(cosine, f32(0.05) * length)
+    return (footprint[0] + footprint[1] * depth) * length / max(cosine, GRAZING * length)
 
 
 @kernel
@@ -92,7 +94,7 @@ def match_pixels(first, last, object_id, material_id, position, normal, depth, p
             ex, ey, ez = eye[0] - x * eye[3], eye[1] - y * eye[3], eye[2] - z * eye[3]
             far = ex * ex + ey * ey + ez * ez
             cosine = ex * nx + ey * ny + ez * nz
-            cosine2, beside2 = max(cosine * cosine, f32(0.0025) * far), ASIDE * ASIDE * off * off * far
+            cosine2, beside2 = max(cosine * cosine, GRAZING * GRAZING * far), ASIDE * ASIDE * off * off * far
             # The pixel it fell into; at edges of objects one of the next nearest may show it instead.
             column, row = np.int32(u + f32(1.0)) - 1, np.int32(v + f32(1.0)) - 1
             step_x = 1 if u - f32(column) >= f32(0.5) else -1
@@ -248,39 +250,39 @@ def carry(first, last, chosen, position, roughness, first_light, direct, past_di
 
 
 @device
-def crossed(x, y, z, end, sphere, slack):
-    """Does a moving sphere (centre, radius) come between a point and the `end` of its way, `slack` metres aside included?
+def crossed(x, y, z, end_x, end_y, end_z, kind, extent, centre_x, centre_y, centre_z, radius, slack):
+    """Does a moving sphere come between a point and the end of its way, `slack` metres aside included?
 
-    end (5,): x, y, z, kind, extent. Kind 1: a light at x, y, z, `extent` metres large; 0: one in that direction, extent the
-    tangent of half its angle; -1: no way at all, everything within `extent` metres counts.
+    Kind 1: a light at the end, `extent` metres large; 0: one in that direction, extent the tangent of half its angle; -1: no way
+    at all, everything within `extent` metres counts.
     """
-    wx, wy, wz = sphere[0] - x, sphere[1] - y, sphere[2] - z
-    if end[3] < f32(0.0):
-        reach = sphere[3] + end[4] + slack
+    wx, wy, wz = centre_x - x, centre_y - y, centre_z - z
+    if kind < f32(0.0):
+        reach = radius + extent + slack
         return wx * wx + wy * wy + wz * wz <= reach * reach
-    dx, dy, dz = end[0], end[1], end[2]
-    widening = end[4]
-    if end[3] > f32(0.0):
+    dx, dy, dz = end_x, end_y, end_z
+    if kind > f32(0.0):
         dx, dy, dz = dx - x, dy - y, dz - z
         squared = max(dx * dx + dy * dy + dz * dz, f32(1e-12))
         t = min(max((wx * dx + wy * dy + wz * dz) / squared, f32(0.0)), f32(1.0))
-        tangent = widening / math.sqrt(squared)
+        tangent = extent / math.sqrt(squared)
     else:
         t = max(wx * dx + wy * dy + wz * dz, f32(0.0))
-        tangent = widening
+        tangent = extent
     wx, wy, wz = wx - t * dx, wy - t * dy, wz - t * dz
     # The ways to all points of a light are a cone, which a sphere touches before it touches the axis.
-    reach = sphere[3] * math.sqrt(f32(1.0) + tangent * tangent) + t * widening + slack
+    reach = radius * math.sqrt(f32(1.0) + tangent * tangent) + t * extent + slack
     return wx * wx + wy * wy + wz * wz <= reach * reach
 
 
 @kernel
-def forget_crossed(first, last, width, object_id, position, normal, depth, footprint, eye, ends, spheres, history_code,
+def forget_crossed(first, last, width, position, normal, depth, footprint, eye, ends, spheres, history_code,
                    none_code, clear, layer, mask):  # fmt: skip
     """Values at pixels first..last - 1 (whole rows) that a moving sphere can have changed are cleared again.
 
-    ends (K, 5) as in `crossed`; spheres (M, 4): centre, radius, before and after; eye (4,) as in `carry`. Tile by tile: what no
-    way from a tile's bounding sphere meets, none from its pixels does. Returns how many pixels were cleared.
+    ends (K, 5): x, y, z, kind and extent as in `crossed`; spheres (M, 4): centre, radius, before and after; eye (4,) as in
+    `carry`. Tile by tile: what no way from a tile's bounding sphere meets, none from its pixels does. Returns how many pixels
+    were cleared.
     """
     rows = (last - first) // width
     pairs = np.empty((len(ends) * len(spheres), 2), np.int32)
@@ -291,36 +293,36 @@ def forget_crossed(first, last, width, object_id, position, normal, depth, footp
             # The bounding sphere of the tile's points.
             low_x, low_y, low_z = f32(np.inf), f32(np.inf), f32(np.inf)
             high_x, high_y, high_z = f32(-np.inf), f32(-np.inf), f32(-np.inf)
-            widest = f32(0.0)
+            deepest = f32(0.0)
             for row in range(top, bottom):
                 for column in range(left, right):
-                    i = first + row * width + column
+                    i = np.uint32(first + row * width + column)
                     if mask[i] == history_code:
                         x, y, z = position[i, 0], position[i, 1], position[i, 2]
                         low_x, low_y, low_z = min(low_x, x), min(low_y, y), min(low_z, z)
                         high_x, high_y, high_z = max(high_x, x), max(high_y, y), max(high_z, z)
-                        widest = max(
-                            widest,
-                            width_on_surface(
-                                footprint, depth[i], eye, x, y, z, normal[i, 0], normal[i, 1], normal[i, 2]
-                            ),
-                        )
+                        deepest = max(deepest, depth[i])
             if low_x > high_x:
                 continue
             x, y, z = (low_x + high_x) * f32(0.5), (low_y + high_y) * f32(0.5), (low_z + high_z) * f32(0.5)
             dx, dy, dz = high_x - low_x, high_y - low_y, high_z - low_z
-            around = f32(0.5) * math.sqrt(dx * dx + dy * dy + dz * dz) + widest
+            around = (
+                f32(0.5) * math.sqrt(dx * dx + dy * dy + dz * dz) + (footprint[0] + footprint[1] * deepest) / GRAZING
+            )
             found = 0
             for k in range(len(ends)):
                 for m in range(len(spheres)):
-                    if crossed(x, y, z, ends[k], spheres[m], around):
+                    if crossed(
+                        x, y, z, ends[k, 0], ends[k, 1], ends[k, 2], ends[k, 3], ends[k, 4],
+                        spheres[m, 0], spheres[m, 1], spheres[m, 2], spheres[m, 3], around,
+                    ):  # fmt: skip
                         pairs[found, 0], pairs[found, 1] = k, m
                         found += 1
             if found == 0:
                 continue
             for row in range(top, bottom):
                 for column in range(left, right):
-                    i = first + row * width + column
+                    i = np.uint32(first + row * width + column)
                     if mask[i] != history_code:
                         continue
                     x, y, z = position[i, 0], position[i, 1], position[i, 2]
@@ -328,7 +330,11 @@ def forget_crossed(first, last, width, object_id, position, normal, depth, footp
                         footprint, depth[i], eye, x, y, z, normal[i, 0], normal[i, 1], normal[i, 2]
                     )
                     for p in range(found):
-                        if crossed(x, y, z, ends[pairs[p, 0]], spheres[pairs[p, 1]], slack):
+                        k, m = pairs[p, 0], pairs[p, 1]
+                        if crossed(
+                            x, y, z, ends[k, 0], ends[k, 1], ends[k, 2], ends[k, 3], ends[k, 4],
+                            spheres[m, 0], spheres[m, 1], spheres[m, 2], spheres[m, 3], slack,
+                        ):  # fmt: skip
                             mask[i] = none_code
                             for c in range(layer.shape[1]):
                                 layer[i, c] = clear

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -172,6 +173,13 @@ def test_leaving_an_effect_out_leaves_out_its_items_alone() -> None:
         decisions = renderer.render().decisions
     names = np.array(decisions.candidates.effect_names)[decisions.candidates.effect]
     np.testing.assert_array_equal(decisions.chosen, names != "reflections")
+
+
+def test_what_probes_cost_is_not_what_the_next_run_begins_with(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PHRT_CACHE", str(tmp_path))
+    found = probe(lonely(), (16, 16), 2, "neutral", threads=1)
+    assert found.coefficients["shadows"]["ms_per_ray"] > 0
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_probing_says_when_a_probe_is_done() -> None:

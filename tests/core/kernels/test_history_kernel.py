@@ -271,7 +271,7 @@ def forget(ends: Any, spheres: Any, view: CameraView | None = None) -> tuple[np.
     before, layer = mask.copy(), np.zeros((COUNT, 2), np.float32)
     eye = np.array([*view.world_from_view[:3, 3], 1.0], np.float32)
     number = forget_crossed(
-        0, COUNT, WIDTH, here["object_id"], here["position"], here["normal"], here["depth"], footprint_of(view), eye,
+        0, COUNT, WIDTH, here["position"], here["normal"], here["depth"], footprint_of(view), eye,
         np.array(ends, np.float32), np.array(spheres, np.float32), HISTORY, NONE, np.float32(1.0), layer, mask,
     )  # fmt: skip
     lost = mask != before
