@@ -314,10 +314,18 @@ def surface(
             out_normal[row, 0], out_normal[row, 1], out_normal[row, 2] = at[_NX, i], at[_NY, i], at[_NZ, i]
         for i in range(hits):
             row = ids[_TARGET, i]
-            out_geometric_normal[row, 0], out_geometric_normal[row, 1], out_geometric_normal[row, 2] = at[_GX, i], at[_GY, i], at[_GZ, i]
+            out_geometric_normal[row, 0], out_geometric_normal[row, 1], out_geometric_normal[row, 2] = (
+                at[_GX, i],
+                at[_GY, i],
+                at[_GZ, i],
+            )
         for i in range(hits):
             row = ids[_TARGET, i]
-            out_base_color[row, 0], out_base_color[row, 1], out_base_color[row, 2] = at[_RED, i], at[_GREEN, i], at[_BLUE, i]
+            out_base_color[row, 0], out_base_color[row, 1], out_base_color[row, 2] = (
+                at[_RED, i],
+                at[_GREEN, i],
+                at[_BLUE, i],
+            )
         for i in range(hits):
             row = ids[_TARGET, i]
             out_emissive[row, 0], out_emissive[row, 1], out_emissive[row, 2] = at[_ER, i], at[_EG, i], at[_EB, i]
