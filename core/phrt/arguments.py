@@ -61,6 +61,20 @@ def checked_matrix(path: str, matrix: object) -> np.ndarray:
     return array
 
 
+def camera_number(scene: Scene, given: int | str) -> int:
+    """The number of the camera of `scene` that is `given` by number or path. Raises OptionError for one that is not there."""
+    paths = [entry.path for entry in scene.cameras]
+    if isinstance(given, str):
+        if given not in paths:
+            raise OptionError(
+                f"no camera '{given}'; the scene has {', '.join(paths) or 'none'}.{did_you_mean(given, paths)}"
+            )
+        return paths.index(given)
+    if not 0 <= given < len(paths):
+        raise OptionError(f"no camera number {given}; the scene has {len(paths)}, counted from 0")
+    return given
+
+
 def make_heuristic(given: str | Heuristic, options: Mapping[str, object] | None) -> Heuristic:
     """`given`, or the plugin of that name with `options`."""
     if isinstance(given, str):

@@ -6,13 +6,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from phrt.buffers import BufferPool
 from phrt.candidates import WorkItems
 from phrt.faults import Faults
 from phrt.frame import MASK_FALLBACK, MASK_FILLED, MASK_HISTORY, MASK_NONE, MASK_TRACED, Decisions, Frame
 from phrt.interfaces.effect import RayEffect
 from phrt.kernels.layers import fill_gaps, scatter
+from phrt.lightwise import OneLight
 from phrt.runs import merged
-from phrt.workers import chunks
+from phrt.workers import Workers, chunks
+from phrt.world import World
 
 CHUNK = 8192
 
@@ -29,6 +32,32 @@ class LayerSet:
     masks: dict[str, np.ndarray]
     rays: dict[str, int] = field(default_factory=dict)
     ages: dict[str, np.ndarray] = field(default_factory=dict)
+
+
+def clear_layers(effects: list[RayEffect], world: World, count: int, buffers: BufferPool, workers: Workers) -> LayerSet:
+    """Every layer the composition reads, and those of further effects, at its clear value; `count` pixels each."""
+    wanted = {
+        "visibility": (len(world.lights), 1.0),
+        "ambient_occlusion": (1, 1.0),
+        "reflection": (3, 0.0),
+        "refraction": (3, 0.0),
+    }
+    one_light = [effect for effect in effects if isinstance(effect, OneLight)]
+    for effect in effects:
+        if not isinstance(effect, OneLight):
+            wanted.setdefault(effect.writes.name, (effect.writes.width(world), effect.writes.clear))
+    layers = LayerSet({}, {})
+    fills: list[tuple[np.ndarray, float]] = []
+    for name, (components, clear) in wanted.items():
+        layers.arrays[name] = buffers.take((count, components))
+        fills.append((layers.arrays[name], clear))
+    for part in one_light:
+        layers.arrays[part.writes.name] = layers.arrays[part.layer][:, part.light : part.light + 1]
+    for name in layers.arrays:
+        layers.masks[name] = buffers.take((count,), np.uint8)
+        fills.append((layers.masks[name], MASK_NONE))
+    workers.map(lambda fill: fill[0].fill(fill[1]), fills)
+    return layers
 
 
 def apply_fallbacks(

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import time as wall
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -12,32 +10,32 @@ from types import TracebackType
 
 import numpy as np
 
-from phrt.arguments import checked_matrix, checked_size, make_effects, make_heuristic, one_of, scopes_of
+from phrt.allowance import Allowance, unit_of
+from phrt.arguments import camera_number, checked_matrix, checked_size, make_effects, make_heuristic, one_of, scopes_of
 from phrt.budget import Budget
 from phrt.buffers import BufferPool
 from phrt.camera import CameraView
 from phrt.candidates import GROUPINGS, GroupBy, WorkItems, find_work
 from phrt.change import ChangeSample, measure_change, pick_sample
 from phrt.channels import CHANNELS, GBuffer
-from phrt.clock import Clock, RayClock, WallClock, beneath
+from phrt.clock import Clock, WallClock, beneath
 from phrt.composite import all_rows, compose, light_surfaces
 from phrt.controls import Conditions, Controls, changed, in_force
 from phrt.cost_memory import recall, remember, run_key
 from phrt.costs import COST_MODELS, CostModelName, CostModels
-from phrt.errors import OptionError, PhrtWarning, did_you_mean
+from phrt.errors import OptionError, did_you_mean
 from phrt.experience import Experience
 from phrt.faults import Faults
 from phrt.frame import Decisions, Frame, FrameResult
 from phrt.history import History
 from phrt.interfaces.effect import RayEffect
 from phrt.interfaces.gbuffer import GBufferProducer
-from phrt.interfaces.heuristic import BudgetUnit, FrameContext, Heuristic
+from phrt.interfaces.heuristic import FrameContext, Heuristic
 from phrt.interfaces.tracer import Tracer
 from phrt.kernels.arrays import environment_arrays, geometry_arrays, material_arrays, surface_arrays
-from phrt.layers import LayerSet, apply_fallbacks
+from phrt.layers import LayerSet, apply_fallbacks, clear_layers
 from phrt.ledger import over_samples
 from phrt.lightwise import OneLight, by_light
-from phrt.pace import Pace
 from phrt.profile import Profile
 from phrt.profile_use import known_costs, known_rays, profiled
 from phrt.quiet import garbage_waits
@@ -47,26 +45,13 @@ from phrt.relevance import ObjectSight
 from phrt.sampling import jitter_pattern
 from phrt.scene import Scene
 from phrt.scheduler import BudgetScheduler
+from phrt.stages import Stages
 from phrt.workers import Workers
 from phrt.world import World
 
 DEFAULT_SIZE = (640, 360)
 _IMAGE = "(image)"
 FRAME_CHANNELS = tuple(name for name in CHANNELS if name != "motion")
-
-
-class Stages:
-    """Wall-clock milliseconds by stage. Every moment belongs to one stage, so that the parts sum to the frame."""
-
-    def __init__(self) -> None:
-        self.milliseconds: dict[str, float] = {}
-        self._last = wall.perf_counter()
-
-    def done(self, stage: str) -> None:
-        """The time since the last call belongs to `stage`."""
-        now = wall.perf_counter()
-        self.milliseconds[stage] = self.milliseconds.get(stage, 0.0) + (now - self._last) * 1e3
-        self._last = now
 
 
 class Renderer:
@@ -89,6 +74,7 @@ class Renderer:
     threads   : how many; by default one per usable core
     effects   : options by effect name, over those of the scene; `{"shadows": {"samples": 4}}`
     aa        : samples per pixel by sub-pixel jitter; 1 for real time
+    remember_costs: start from what earlier runs on this machine learnt of costs, and keep what this one learns; real clocks only
     history   : where nothing is traced, values of earlier frames stand in for the fallback as long as they hold; not with aa
     strict    : an effect that fails raises instead of being switched off
 
@@ -121,6 +107,7 @@ class Renderer:
         threads: int | None = None,
         effects: Mapping[str, Mapping[str, object]] | None = None,
         aa: int = 1,
+        remember_costs: bool = True,
         history: bool = True,
         strict: bool = False,
     ) -> None:
@@ -167,14 +154,18 @@ class Renderer:
         self._experience = Experience(self.world.object_count, [scope.rays_per_pixel for scope in self._scopes])
         self._faults = Faults(strict=strict)
         self._costs = CostModels([effect.name for effect in self.effects])
-        self._costs_key = run_key(scene.name, self.tracer_name, self.workers.threads)
-        if isinstance(beneath(self.clock), WallClock):
-            self._costs.warm(known_costs(known, self.effects) | recall(self._costs_key))
+        real = isinstance(beneath(self.clock), WallClock)
+        self._costs_key = (
+            run_key(scene.name, self.tracer_name, self.workers.threads) if real and remember_costs else None
+        )
+        if real:
+            self._costs.warm(known_costs(known, self.effects))
+        if self._costs_key:
+            self._costs.warm(recall(self._costs_key))
         if known is not None:
             self._experience.expect(known_rays(known, scene, self.effects, effects or ()))
         self._scheduler = BudgetScheduler(self._costs, self._experience, self._faults, self.clock)
-        self._pace = Pace()
-        self._told_short = False
+        self._allowance = Allowance(self.clock, self.reserve_ms, aa)
         self._buffers = BufferPool()
         self.history = history and aa == 1
         self._history = History(self.world, self.effects, self._buffers) if self.history else None
@@ -195,7 +186,7 @@ class Renderer:
         if self._closed:
             return
         self._closed = True
-        if isinstance(beneath(self.clock), WallClock) and self._costs.learned:
+        if self._costs_key and self._costs.learned:
             remember(self._costs_key, self._costs.coefficients())
         self.producer.close()
         self.tracer.close()
@@ -294,12 +285,11 @@ class Renderer:
             self._result(last, means, stages.milliseconds, index, time),
             clock_ms=ended - began + self.reserve_ms,
             samples=tuple(decisions),
-            headroom_ms=self._pace.headroom_ms(self.budget.amount) if self.budget.kind == "frame_ms" else 0.0,
+            headroom_ms=self._allowance.headroom_ms(self.budget),
         )
-        if self.budget.kind == "frame_ms":
-            self._pace.finished(
-                self.budget.amount, result.clock_ms, ended - sample.rays_ended_ms, bool(sample.decisions.waves)
-            )
+        self._allowance.finished(
+            self.budget, result.clock_ms, ended - sample.rays_ended_ms, bool(sample.decisions.waves)
+        )
         stages.done("composite")
         return result
 
@@ -341,41 +331,7 @@ class Renderer:
     def _view(self, camera: int | str | CameraView) -> CameraView:
         if isinstance(camera, CameraView):
             return camera
-        cameras = self.scene.cameras
-        if isinstance(camera, str):
-            paths = [entry.path for entry in cameras]
-            if camera not in paths:
-                raise OptionError(
-                    f"no camera '{camera}'; the scene has {', '.join(paths) or 'none'}.{did_you_mean(camera, paths)}"
-                )
-            camera = paths.index(camera)
-        if not 0 <= camera < len(cameras):
-            raise OptionError(f"no camera number {camera}; the scene has {len(cameras)}, counted from 0")
-        return self.world.view(*self.size, camera)
-
-    def _ray_budget(self, began_ms: float) -> tuple[float, BudgetUnit]:
-        """What the ray phase of a sample may take that begins now, in a frame that began at `began_ms`."""
-        budget = self.budget
-        match budget.kind:
-            case "none":
-                return math.inf, "none"
-            case "rays":
-                return budget.amount / self.aa, "rays"
-            case "ray_ms":
-                return budget.amount / self.aa, "ms"
-        if isinstance(beneath(self.clock), RayClock):
-            return budget.amount, "ms"
-        spent = self.clock.now_ms() - began_ms + self.reserve_ms
-        left = self._pace.ray_budget_ms(budget.amount, spent)
-        if left <= 0 and not self._told_short and self._index > 2:
-            self._told_short = True
-            warnings.warn(
-                f"the frame budget of {budget} leaves nothing for rays: the rest of the frame takes "
-                f"{spent + self._pace.tail_ms:.0f} ms here; every effect shows its fallback",
-                PhrtWarning,
-                stacklevel=4,
-            )
-        return left, "ms"
+        return self.world.view(*self.size, camera_number(self.scene, camera))
 
     def _sample(
         self, view: CameraView, index: int, number: int, time: float, stages: Stages, began_ms: float
@@ -405,8 +361,8 @@ class Renderer:
             time=time,
             seed=(index * self.aa + number) & 0x7FFFFFFF,
         )
-        amount, unit = self._ray_budget(began_ms)
-        layers = self._clear_layers(count)
+        unit = unit_of(self.budget)
+        layers = clear_layers(self.effects, world, count, self._buffers, self.workers)
         if self._history and not (self.heuristic.traces_everything and unit == "none"):
             layers.ages = self._history.reproject(frame, layers, self._faults)
             stages.done("history")
@@ -416,13 +372,11 @@ class Renderer:
             masks=layers.masks, ages=layers.ages,
         )  # fmt: skip
         stages.done("candidates")
-        if self.budget.kind == "frame_ms":
-            amount, unit = self._ray_budget(began_ms)
         context = FrameContext(
             world=world,
             frame_index=index,
             time=time,
-            budget=amount,
+            budget=self._allowance.of(self.budget, began_ms),
             budget_unit=unit,
             sample=number,
             samples=self.aa,
@@ -480,32 +434,6 @@ class Renderer:
             frame, effect, sample, traced, layers, image, self._exposure(frame.view), self._faults
         )
         self._experience.exploration.learn_change(units.object_id, units.effect, measured)
-
-    def _clear_layers(self, count: int) -> LayerSet:
-        """Every layer the composition reads, at its clear value, and those of further effects."""
-        wanted = {
-            "visibility": (len(self.world.lights), 1.0),
-            "ambient_occlusion": (1, 1.0),
-            "reflection": (3, 0.0),
-            "refraction": (3, 0.0),
-        }
-        for effect in self.effects:
-            if not isinstance(effect, OneLight):
-                wanted.setdefault(effect.writes.name, (effect.writes.width(self.world), effect.writes.clear))
-        layers = LayerSet({}, {})
-        fills: list[tuple[np.ndarray, float]] = []
-        for name, (components, clear) in wanted.items():
-            layers.arrays[name] = self._buffers.take((count, components))
-            layers.masks[name] = self._buffers.take((count,), np.uint8)
-            fills += [(layers.arrays[name], clear), (layers.masks[name], 0)]
-        for effect in self.effects:
-            if isinstance(effect, OneLight):
-                whole, name = layers.arrays[effect.layer], effect.writes.name
-                layers.arrays[name] = whole[:, effect.light : effect.light + 1]
-                layers.masks[name] = self._buffers.take((count,), np.uint8)
-                fills.append((layers.masks[name], 0))
-        self.workers.map(lambda fill: fill[0].fill(fill[1]), fills)
-        return layers
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -89,9 +90,20 @@ def test_an_item_dearer_than_predicted_is_cut_off_and_stays_a_coarser_effect() -
 
 def test_a_run_is_replayed_from_the_readings_of_its_clock() -> None:
     clock = RecordingClock(WallClock())
-    options = {"budget": "rays:2ms", "heuristic": "uniform"}
+    options = {"budget": "rays:2ms", "heuristic": "uniform", "remember_costs": False}
     first = frames(4, clock=clock, **options)
     assert_same(first, frames(4, clock=ReplayClock(clock.take()), **options))
+
+
+def test_a_run_starts_from_what_the_last_one_learnt_of_costs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PHRT_CACHE", str(tmp_path))
+    cold = frames(1, budget="rays:50ms")[0].decisions.candidates.predicted_ms_measured
+    frames(3, budget="rays:50ms")
+    warm = frames(1, budget="rays:50ms")[0].decisions.candidates.predicted_ms_measured
+    assert not np.array_equal(cold, warm)
+    for options in ({"remember_costs": False}, {"clock": RayClock()}):
+        again = frames(1, budget="rays:50ms", **options)[0].decisions.candidates.predicted_ms_measured
+        np.testing.assert_array_equal(cold, again)
 
 
 def test_a_frame_budget_that_is_large_enough_traces_everything() -> None:

@@ -133,7 +133,7 @@ def choose_values(first, last, source, slip, object_id, material_id, position, n
     REACH; offset (P, 2) int8 how far beside the present pixel's centre that was.
 
     First the pixel where the point was. Its value may have been traced nearer to the next point: then the neighbour on the other
-    side has ours. Only where neither has one near enough, all neighbours are looked at.
+    side has ours. Only where neither has one near enough, the three pixels next nearest to the point are looked at.
     """
     for pixel in range(first, last):
         i = np.uint32(pixel)
@@ -158,12 +158,12 @@ def choose_values(first, last, source, slip, object_id, material_id, position, n
             a = -1 if best_x > f32(0.5) else (1 if best_x < f32(-0.5) else 0)
             b = -1 if best_y > f32(0.5) else (1 if best_y < f32(-0.5) else 0)
         width = footprint[0] + footprint[1] * depth[i]
-        for attempt in range(-1 if best >= 0 else 0, 8):
+        side_x, side_y = 1 if slip_x >= f32(0.0) else -1, 1 if slip_y >= f32(0.0) else -1
+        for attempt in range(-1 if best >= 0 else 0, 3):
             if attempt >= 0:
                 if nearest <= REACH * REACH:
                     break
-                neighbour = attempt if attempt < 4 else attempt + 1
-                a, b = neighbour % 3 - 1, neighbour // 3 - 1
+                a, b = side_x if attempt != 1 else 0, side_y if attempt != 0 else 0
             column, row = start % past_width + a, start // past_width + b
             if column < 0 or row < 0 or column >= past_width or row >= past_height:
                 continue

@@ -136,10 +136,10 @@ def test_nothing_is_found_of_the_sky_of_moved_objects_and_behind_the_earlier_eye
 
 
 def chosen_twin(i: int, source: np.ndarray, slip: np.ndarray, mask: np.ndarray, offset: np.ndarray, same: Any) -> float:
-    """Distance in pixels of the nearest value among the matched pixel and its eight neighbours; inf when there is none."""
+    """Distance in pixels of the nearest value among the four pixels around the point; inf when there is none."""
     best = np.inf
-    for dy in (-1, 0, 1):
-        for dx in (-1, 0, 1):
+    for dy in (0, 1 if slip[i, 1] >= 0 else -1):
+        for dx in (0, 1 if slip[i, 0] >= 0 else -1):
             x, y = source[i] % WIDTH + dx, source[i] // WIDTH + dy
             j = y * WIDTH + x
             if not (0 <= x < WIDTH and 0 <= y < HEIGHT) or mask[j] not in (TRACED, HISTORY) or not same(i, j):
