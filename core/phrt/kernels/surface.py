@@ -342,5 +342,5 @@ def surface(
             row = ids[_TARGET, i]
             out_object_id[row], out_primitive_id[row] = ids[_OBJECT, i], ids[_HIT, i]
             out_material_id[row] = ids[_MATERIAL, i]
-        going_on += min(BLOCK, len(primitive) - first) - hits - misses
+        going_on += min(BLOCK, len(primitive) - first) - int(hits) - misses
     return going_on
