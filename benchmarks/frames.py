@@ -7,7 +7,6 @@ sides of a ratio. `docs/benchmarks.md` defines each figure.
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -20,7 +19,6 @@ from rows import Row, row
 from phrt import Renderer, Scene
 from phrt.frame import FrameResult
 from phrt.interfaces.tracer import Tracer
-from phrt.kernels.primary import put_in_place
 from phrt.kernels.surface import surface
 from phrt.output.tonemap import to_8bit
 from phrt.rays import HitBatch, RayBatch
@@ -28,7 +26,7 @@ from phrt.workers import Workers
 from phrt_backends.gbuffers import raycast
 
 Progress = Callable[[str], None]
-SURFACE, PLACE = "surface", "put_in_place"
+SURFACE = "surface"
 """The kernels' names in the raycast producer's module, where a recording takes their place."""
 
 Call = tuple[Callable[..., Any], tuple[Any, ...]]
@@ -86,30 +84,22 @@ def record_queries(renderer: Renderer, at: float) -> list[Query]:
     return recorder.queries
 
 
-def record_surfaces(renderer: Renderer, at: float) -> list[list[Call]]:
-    """Chunk by chunk, the calls of the kernels `surface` and `put_in_place` by the producer in the frame at `at` seconds:
-    its G-buffer's, where the heuristic is all_trace; fallbacks may take another view."""
-    chunks: list[list[Call]] = []
-    mine = threading.local()
+def record_surfaces(renderer: Renderer, at: float) -> list[Call]:
+    """The calls of the kernel `surface` by the producer in the frame at `at` seconds: its G-buffer's, where the heuristic is
+    all_trace; fallbacks may take another view."""
+    calls: list[Call] = []
 
-    def keep_surface(*arguments: Any) -> int:
+    def keep(*arguments: Any) -> int:
         inputs = tuple(array.copy() for array in arguments[:4])
-        mine.calls = [*getattr(mine, "calls", []), (surface, inputs + arguments[4:])]
+        calls.append((surface, inputs + arguments[4:]))
         return int(surface(*arguments))
 
-    def keep_place(*arguments: Any) -> None:
-        chunks.append([*mine.calls, (put_in_place, arguments)])
-        mine.calls = []
-        put_in_place(*arguments)
-
-    setattr(raycast, SURFACE, keep_surface)
-    setattr(raycast, PLACE, keep_place)
+    setattr(raycast, SURFACE, keep)
     try:
         renderer.render(at)
     finally:
         setattr(raycast, SURFACE, surface)
-        setattr(raycast, PLACE, put_in_place)
-    return chunks
+    return calls
 
 
 def milliseconds(function: Callable[..., object], *arguments: object) -> float:
@@ -124,14 +114,14 @@ def trace_again(queries: Sequence[Query], tracer: Tracer, workers: Workers) -> N
     workers.map(lambda query: query.ask(tracer), queries)
 
 
-def surfaces_again(chunks: Sequence[Sequence[Call]], workers: Workers) -> None:
-    """The recorded kernels again, chunk by chunk."""
+def surfaces_again(calls: Sequence[Call], workers: Workers) -> None:
+    """The recorded kernels again. No two of them write the same row, so their order does not matter."""
 
-    def again(calls: Sequence[Call]) -> None:
-        for kernel, arguments in calls:
-            kernel(*arguments)
+    def again(call: Call) -> None:
+        kernel, arguments = call
+        kernel(*arguments)
 
-    workers.map(again, chunks)
+    workers.map(again, calls)
 
 
 @dataclass

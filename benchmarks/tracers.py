@@ -55,6 +55,7 @@ class Geometry:
     first_triangle: np.ndarray
     triangle_count: np.ndarray
     object_casts_shadow: np.ndarray
+    object_opaque: np.ndarray
     moving_objects: tuple[int, ...] = ()
 
     @classmethod
@@ -74,6 +75,7 @@ class Geometry:
             first_triangle=np.cumsum(triangles, dtype=np.int32) - triangles,
             triangle_count=triangles,
             object_casts_shadow=np.arange(len(triangles)) > 0,
+            object_opaque=np.ones(len(triangles), bool),
         )
 
 

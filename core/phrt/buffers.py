@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from dataclasses import dataclass
 
@@ -55,7 +56,7 @@ class BufferPool:
         if self._takes % _KEPT_FOR_TAKES == 0:
             self._give_back()
         blocks = self._blocks.setdefault((shape, np.dtype(dtype).str), [])
-        needed = int(np.prod(shape)) * np.dtype(dtype).itemsize
+        needed = math.prod(shape) * np.dtype(dtype).itemsize
         block = next((block for block in blocks if block.is_free()), None)
         if block is None:
             block = self._make(needed)

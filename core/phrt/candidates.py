@@ -15,7 +15,7 @@ from phrt.frame import MASK_HISTORY, Frame
 from phrt.interfaces.effect import RayEffect
 from phrt.interfaces.heuristic import PASSES, BudgetUnit, Candidates
 from phrt.kernels.history import history_of_units
-from phrt.kernels.layers import count_objects, interleave_units, sort_by_object
+from phrt.kernels.layers import count_by_object, interleave_units, place_by_object, select_pixels
 from phrt.kernels.primary import tile_order
 from phrt.relevance import ObjectSight, item_cost, item_relevance
 from phrt.world import World
@@ -37,9 +37,10 @@ class EffectScope:
     @classmethod
     def of(cls, effect: RayEffect, world: World) -> EffectScope:
         switches = ["never", *(entry.effects.get(effect.switch, "auto") for entry in world.scene.objects)]
+        applies = effect.applies_to(world)
         return cls(
-            applies=effect.applies_to(world),
-            allowed=np.array([switch != "never" for switch in switches]),
+            applies=applies,
+            allowed=np.array([switch != "never" for switch in switches]) & world.object_has(applies),
             mandatory=np.array([switch == "always" for switch in switches]),
             rays_per_pixel=effect.rays_per_pixel(world),
         )
@@ -132,27 +133,24 @@ def find_work(
 
     masks, ages: (P,) by layer name, where values of earlier frames stand in and how old they are (see `History.reproject`).
     """
-    world, surfaces = frame.world, frame.surfaces
-    order = tile_order(frame.gbuffer.width, frame.gbuffer.height)
-    count = len(order)
+    surfaces = frame.surfaces
+    begins, sorted_pixels = _by_object(frame)
+    visible_pixels = np.diff(begins)
 
-    def sort(scope: EffectScope) -> tuple[np.ndarray, np.ndarray]:
-        start = np.zeros(world.object_count + 2, np.int64)
-        pixels = np.empty(count, np.int32)
-        if not scope.applies.any():
+    def select(scope: EffectScope) -> tuple[np.ndarray, np.ndarray]:
+        start, pixels = np.zeros_like(begins), np.empty_like(sorted_pixels)
+        if not scope.allowed.any():
             return start, pixels[:0]
-        placed = sort_by_object(
-            order, surfaces.object_id, surfaces.material_id, scope.applies, scope.allowed, start, pixels
+        selected = select_pixels(
+            begins, sorted_pixels, surfaces.material_id, scope.applies, scope.allowed, start, pixels
         )
-        return start, pixels[:placed]
+        return start, pixels[:selected]
 
-    visible_pixels = np.zeros(world.object_count + 1, np.int64)
-    count_objects(surfaces.object_id, visible_pixels)
     places = {scope.place: scope for scope in scopes}
-    found = dict(zip(places, frame.workers.map(sort, places.values()), strict=True))
+    found = dict(zip(places, frame.workers.map(select, places.values()), strict=True))
     pixels = [found[scope.place][1] for scope in scopes]
     starts = np.array([found[scope.place][0] for scope in scopes], np.int64)
-    units = _units(starts.reshape(len(scopes), world.object_count + 2), group_by, experience, costs)
+    units = _units(starts.reshape(len(scopes), len(begins)), group_by, experience, costs)
     for index, effect in enumerate(effects):
         name = effect.writes.name
         if masks is not None and ages is not None and name in ages:
@@ -162,6 +160,17 @@ def find_work(
         group_by,
     )  # fmt: skip
     return WorkItems(candidates, units, pixels, frame.view.width)
+
+
+def _by_object(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+    """All pixels (P,) int32 by object, in tile order within one, and where (N + 2,) int64 every object begins among them."""
+    order, object_id = tile_order(frame.gbuffer.width, frame.gbuffer.height), frame.surfaces.object_id
+    begins = np.zeros(frame.world.object_count + 2, np.int64)
+    count_by_object(order, object_id, begins[1:])
+    np.cumsum(begins, out=begins)
+    pixels = np.empty(len(order), np.int32)
+    place_by_object(order, object_id, begins[:-1].copy(), pixels)
+    return begins, pixels
 
 
 def _units(starts: np.ndarray, group_by: GroupBy, experience: Experience, costs: CostModels) -> Units:

@@ -7,15 +7,16 @@ from functools import lru_cache
 import numpy as np
 
 from phrt.camera import CameraView
-from phrt.channels import GBuffer
 from phrt.frame import Frame
-from phrt.kernels.arrays import EnvironmentArrays, SurfaceArrays, surface_arrays
+from phrt.kernels.arrays import EnvironmentArrays, SurfaceArrays
 from phrt.kernels.light import direct_light
 from phrt.kernels.shade import composite
 from phrt.workers import Workers, chunks
 
 CHUNK = 32768
 """Pixels a thread takes at a time. These kernels read every array once, in order: few calls count, not the cache."""
+FLAT_CHUNK = 4096
+"""The same for `shade_flat`, whose layers live for one chunk only: they should stay in the cache."""
 
 
 @lru_cache(maxsize=16)
@@ -93,25 +94,33 @@ def compose(
 
 
 def shade_flat(
-    frame: Frame, gbuffer: GBuffer, view: CameraView, rows: np.ndarray, visibility: np.ndarray | None = None
+    frame: Frame,
+    surfaces: SurfaceArrays,
+    view: CameraView,
+    pixels: np.ndarray,
+    visibility: np.ndarray | None = None,
 ) -> np.ndarray:
-    """(n, 3) float32 of another G-buffer of the same world at pixels `rows` (n,) int32, as a raster renderer without ray
-    effects sees it. visibility (n, L): of the lights; everything is lit without it.
+    """(n, 3) float32 of n points of the frame's world, seen in `view` at `pixels` (n,) int32, as a raster renderer without
+    ray effects sees them. visibility (n, L): of the lights; everything is lit without it.
     """
-    surfaces = SurfaceArrays(*(array[rows] for array in surface_arrays(gbuffer)))
-    count, lights = len(rows), frame.world.lights
-    direct = np.empty((count, len(lights), 3), np.float32)
-    light_surfaces(surfaces, frame.materials.materials, lights, view, direct, frame.workers)
-    layers = {
-        "visibility": np.ones((count, len(lights)), np.float32) if visibility is None else visibility,
-        "ambient_occlusion": np.ones((count, 1), np.float32),
-        "reflection": np.zeros((count, 3), np.float32),
-        "refraction": np.zeros((count, 3), np.float32),
-    }
-    masks = {"reflection": np.zeros(count, np.uint8)}
-    image = np.empty((count, 3), np.float32)
-    compose(
-        surfaces, frame.materials.materials, frame.environment, True, view, rows, direct, layers, masks, 1.0, image,
-        frame.workers,
-    )  # fmt: skip
+    lights, environment = frame.world.lights, frame.environment
+    materials, workers = frame.materials.materials, frame.workers
+    image = np.empty((len(pixels), 3), np.float32)
+
+    def part(piece: slice) -> None:
+        points, count = SurfaceArrays(*(array[piece] for array in surfaces)), piece.stop - piece.start
+        direct = np.empty((count, len(lights), 3), np.float32)
+        light_surfaces(points, materials, lights, view, direct, workers)
+        layers = {
+            "visibility": np.ones((count, len(lights)), np.float32) if visibility is None else visibility[piece],
+            "ambient_occlusion": np.ones((count, 1), np.float32),
+            "reflection": np.zeros((count, 3), np.float32),
+            "refraction": np.zeros((count, 3), np.float32),
+        }
+        masks = {"reflection": np.zeros(count, np.uint8)}
+        compose(
+            points, materials, environment, True, view, pixels[piece], direct, layers, masks, 1.0, image[piece], workers
+        )  # fmt: skip
+
+    workers.map(part, chunks(len(pixels), FLAT_CHUNK, workers.threads))
     return image

@@ -117,7 +117,7 @@ def _fall_back(frame: Frame, effect: RayEffect, pixels: np.ndarray, layers: Laye
     layer, mask = layers.arrays[name], layers.masks[name]
     values, code = faults.fallback(effect, frame, pixels), MASK_FALLBACK
     if values is None:
-        if not mask[pixels].any():
+        if not faults.is_off(effect) or not mask[pixels].any():
             return
         values, code = np.full((len(pixels), layer.shape[1]), effect.writes.clear, np.float32), MASK_NONE
     scatter(pixels, values, np.ones(len(pixels), np.uint8), np.uint8(code), layer, mask)

@@ -15,12 +15,15 @@ class RayBatch:
     direction : (n, 3) world space, unit length
     t_max     : (n,)   metres; hits at or beyond it do not count; +inf for no limit
     coherent  : a hint: neighbours in the batch start together and point the same way (primary, mirror, shadow in tiles)
+    opaque_only: a hint: whoever asks for closest hits passes objects that are not `World.object_opaque`; a tracer may
+                 leave them out at once
     """
 
     origin: np.ndarray
     direction: np.ndarray
     t_max: np.ndarray
     coherent: bool = False
+    opaque_only: bool = False
 
     def __len__(self) -> int:
         return len(self.origin)

@@ -130,7 +130,7 @@ def gather(
         cone = np.array([spread, 0.0] if frame.view.orthographic else [0.0, spread], np.float32)
         surface(
             direction, path_length, hits.primitive, hits.barycentric, frame.geometry, frame.materials,
-            _NOWHERE, _NOWHERE, cone, hidden, False, rows, points, np.empty(count, np.uint8),
+            _NOWHERE, _NOWHERE, cone, hidden, False, rows, rows, points, np.empty(count, np.uint8),
         )  # fmt: skip
         direct = np.empty((count, len(lights), 3), np.float32)
         direct_light(0, count, points, frame.materials.materials, lights, direction, False, direct)

@@ -16,6 +16,7 @@ import phrt
 from phrt.camera import CameraView, look_at
 from phrt.channels import CHANNELS, GBuffer
 from phrt.conventions import NO_PRIMITIVE
+from phrt.kernels.arrays import SurfaceArrays, surface_arrays
 from phrt.model import Image, Material, Mesh, TextureRef
 from phrt.world import Changes, World
 from phrt_backends.gbuffers.moderngl_context import moderngl_reason
@@ -449,3 +450,17 @@ def test_both_producers_see_real_models_the_same(
     difference = np.abs(a.base_color[same] - b.base_color[same])
     assert difference.mean() < 0.02
     assert np.mean(difference > 0.1) < 0.03
+
+
+def test_points_are_the_pixels_of_the_g_buffer_row_by_row(make: Make) -> None:
+    materials = [Material(transmission=1.0), Material()]
+    world = scenes.world_of([(quad(0, half=0.7), at()), (quad(1, half=0.5), at(z=-1))], materials)
+    rig = make(world)
+    view = front_view()
+    pixels = np.random.default_rng(1).permutation(view.width * view.height).astype(np.int32)[:300]
+    for hidden in (None, ~world.object_opaque):
+        expected = SurfaceArrays(*(array[pixels] for array in surface_arrays(rig(hidden=hidden))))
+        points = rig.producer.points(view, pixels, hidden=hidden)
+        assert len(np.unique(points.object_id)) > 1
+        for name, values in zip(SurfaceArrays._fields, points, strict=True):
+            np.testing.assert_array_equal(values, getattr(expected, name), err_msg=name)

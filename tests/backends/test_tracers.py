@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -30,6 +30,7 @@ class TracerWorld:
     meshes: list[tuple[np.ndarray, np.ndarray]]
     matrices: list[np.ndarray] = field(default_factory=list)
     casts: list[bool] = field(default_factory=list)
+    opaque: list[bool] = field(default_factory=list)
     moving_objects: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
@@ -44,6 +45,7 @@ class TracerWorld:
         self.triangle_object = np.repeat(np.arange(count + 1), self.triangle_count).astype(np.int32)
         self.object_matrix = np.stack([np.eye(4), *(self.matrices or [np.eye(4)] * count)])
         self.object_casts_shadow = np.array([False, *(self.casts or [True] * count)])
+        self.object_opaque = np.array([True, *(self.opaque or [True] * count)])
         self.positions = np.zeros_like(self.local_positions)
         for object_id in range(1, count + 1):
             self.place(object_id, self.object_matrix[object_id])
@@ -242,6 +244,19 @@ def test_objects_that_cast_no_shadow_are_seen_but_do_not_block(tracer: Tracer) -
     rays = rays_of(np.tile([0.2, 0.2, 0.0], (2, 1)), [0, 0, -1], [2.0, 4.0])
     assert tracer.closest_hit(rays).primitive.tolist() == [0, 0]
     assert tracer.occluded(rays).tolist() == [False, True]
+
+
+def test_rays_for_opaque_objects_alone_may_leave_out_the_others_and_never_an_opaque_one(tracer: Tracer) -> None:
+    casts, opaque = [False, True, True], [False, True, False]
+    world = TracerWorld([unit_triangle(z) for z in (-1.0, -3.0, -5.0)], casts=casts, opaque=opaque)
+    tracer.build(world)
+    rays = replace(rays_of(np.tile([0.2, 0.2, 0.0], (2, 1)), [0, 0, -1], [2.0, 9.0]), opaque_only=True)
+    near, far = tracer.closest_hit(rays).primitive.tolist()
+    assert near in (0, NO_PRIMITIVE)
+    assert far in (0, 1)
+    assert tracer.occluded(rays).tolist() == [False, True]
+    if "packets" in tracer.capabilities.description:
+        assert (near, far) == (NO_PRIMITIVE, 1)
 
 
 @pytest.mark.parametrize("count", [0, 1, 15, 16, 17, 33])

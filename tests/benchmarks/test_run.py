@@ -44,7 +44,6 @@ def test_recording_leaves_renderer_and_picture_as_they_were(module, renderer):
     frames.record_surfaces(renderer, 0.0)
     assert renderer.tracer is tracer
     assert frames.raycast.surface is frames.surface
-    assert frames.raycast.put_in_place is frames.put_in_place
     assert np.array_equal(renderer.render(0.0, frame_index=0).image, before)
 
 
@@ -72,9 +71,9 @@ def test_surfaces_again_writes_the_g_buffer_anew(module, renderer):
     frames = module("frames")
     calls = frames.record_surfaces(renderer, 0.0)
     result = renderer.render(0.0)
-    place, arguments = calls[0][-1]
-    assert place is frames.put_in_place
-    out = arguments[2]
+    kernel, arguments = calls[0]
+    assert kernel is frames.surface
+    out = arguments[-2]
     expected = result.gbuffer.flat("base_color").copy()
     assert expected.any()
     out.base_color.fill(-1.0)

@@ -8,6 +8,7 @@ Example: `phrt render scenes/spheres.yaml -o out.png --gbuffer raycast --tracer 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from phrt.interfaces.tracer import Tracer
 from phrt.kernels.arrays import SurfaceArrays, empty_surfaces, geometry_arrays, material_arrays, surface_arrays
 from phrt.kernels.motion import motion_vectors
 from phrt.kernels.onward import continued
-from phrt.kernels.primary import eye_rays, put_in_place, tile_order
+from phrt.kernels.primary import eye_rays, row_order, tile_order
 from phrt.kernels.surface import surface
 from phrt.rays import RayBatch
 from phrt.workers import Workers, chunks
@@ -28,6 +29,36 @@ from phrt_backends.gbuffers.raycast_options import RaycastOptions
 
 MAX_LAYERS = 64
 """Holes and culled faces an eye ray may pass before it counts as a miss."""
+
+
+@dataclass(frozen=True)
+class _Eye:
+    """A view as the kernels take it, everything float32. opaque_only: see `RayBatch`."""
+
+    view: CameraView
+    world_from_view: np.ndarray
+    position: np.ndarray
+    forward: np.ndarray
+    cone: np.ndarray
+    opaque_only: bool
+
+    @classmethod
+    def of(cls, view: CameraView, opaque_only: bool) -> _Eye:
+        matrix = view.world_from_view.astype(np.float32)
+        cone = [view.pixel_spread, 0.0] if view.orthographic else [0.0, view.pixel_spread]
+        return cls(view, matrix, matrix[:3, 3].copy(), -matrix[:3, 2], np.array(cone, np.float32), opaque_only)
+
+    def rays(self, pixels: np.ndarray) -> RayBatch:
+        """Through `pixels` (n,), from the near plane to the far one."""
+        view, count = self.view, len(pixels)
+        origin, direction = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
+        t_max = np.empty(count, np.float32)
+        eye_rays(
+            pixels, view.width, view.height, self.world_from_view, np.array(view.tan_half, np.float32),
+            np.array(view.jitter, np.float32), view.orthographic, np.float32(view.near), np.float32(view.far),
+            origin, direction, t_max,
+        )  # fmt: skip
+        return RayBatch(origin, direction, t_max, coherent=True, opaque_only=self.opaque_only)
 
 
 class RaycastProducer(GBufferProducer):
@@ -64,78 +95,89 @@ class RaycastProducer(GBufferProducer):
         for channel in (c for c in CHANNELS.values() if c.name != "motion" or "motion" in channels):
             gbuffer.arrays[channel.name] = self._buffers.take(channel.shape(view.height, view.width), channel.dtype)
         out = surface_arrays(gbuffer)
-        order = tile_order(view.width, view.height) if pixels is None else pixels
-        world_from_view = view.world_from_view.astype(np.float32)
-
-        left_out = self._all_seen if hidden is None else hidden.astype(np.uint8)
-
-        def chunk(part: slice) -> None:
-            self._chunk(order[part], view, world_from_view, out, left_out)
-
-        self._workers.map(chunk, chunks(len(order), self._options.chunk_pixels, self._workers.threads))
+        if pixels is None:
+            every = tile_order(view.width, view.height)
+            size = self._chunk_size(len(every))
+            self._trace(view, every, row_order(view.width, view.height, size), every, out, hidden, size)
+        else:
+            self._trace_some(view, pixels, pixels, out, hidden)
         if "motion" in channels:
             self._motion(view, gbuffer, pixels)
         return gbuffer
 
-    def _chunk(
-        self, pixels: np.ndarray, view: CameraView, world_from_view: np.ndarray, out: SurfaceArrays, hidden: np.ndarray
+    def points(self, view: CameraView, pixels: np.ndarray, *, hidden: np.ndarray | None = None) -> SurfaceArrays:
+        out = empty_surfaces(len(pixels))
+        self._trace_some(view, pixels, np.arange(len(pixels), dtype=np.int32), out, hidden)
+        return out
+
+    def _chunk_size(self, count: int) -> int:
+        """Pixels a thread takes at a time: equal chunks, as many for each thread, so that they end together."""
+        rounds = -(-count // (self._options.chunk_pixels * self._workers.threads))
+        return max(1, -(-count // (max(rounds, 1) * self._workers.threads)))
+
+    def _trace_some(
+        self, view: CameraView, pixels: np.ndarray, target: np.ndarray, out: SurfaceArrays, hidden: np.ndarray | None
     ) -> None:
-        count = len(pixels)
-        rays = RayBatch(
-            np.empty((count, 3), np.float32),
-            np.empty((count, 3), np.float32),
-            np.empty(count, np.float32),
-            coherent=True,
-        )
-        eye_rays(
-            pixels,
-            view.width,
-            view.height,
-            world_from_view,
-            np.array(view.tan_half, np.float32),
-            np.array(view.jitter, np.float32),
-            view.orthographic,
-            np.float32(view.near),
-            np.float32(view.far),
-            rays.origin,
-            rays.direction,
-            rays.t_max,
-        )
-        cone = np.array([view.pixel_spread, 0.0] if view.orthographic else [0.0, view.pixel_spread], np.float32)
-        eye, forward = world_from_view[:3, 3].copy(), -world_from_view[:3, 2].copy()
+        size = self._chunk_size(len(pixels))
+        self._trace(view, pixels, np.arange(len(pixels), dtype=np.int32) % size, target, out, hidden, size)
+
+    def _trace(
+        self,
+        view: CameraView,
+        pixels: np.ndarray,
+        order: np.ndarray,
+        target: np.ndarray,
+        out: SurfaceArrays,
+        hidden: np.ndarray | None,
+        size: int,
+    ) -> None:
+        """The surfaces behind `pixels` (n,) into rows `target` (n,) of `out`, `size` at a time, each time in their `order`."""
+        left_out = self._all_seen if hidden is None else hidden.astype(np.uint8)
+        opaque_only = hidden is not None and bool((hidden | self._world.object_opaque)[1:].all())
+        eye = _Eye.of(view, opaque_only)
+
+        def chunk(first: int) -> None:
+            # Copies: the orders are read-only, and kernels would be compiled once more for such arrays.
+            part = slice(first, first + size)
+            self._chunk(pixels[part].copy(), order[part].copy(), target[part].copy(), eye, out, left_out)
+
+        self._workers.map(chunk, range(0, len(pixels), size))
+
+    def _chunk(
+        self,
+        pixels: np.ndarray,
+        order: np.ndarray,
+        target: np.ndarray,
+        eye: _Eye,
+        out: SurfaceArrays,
+        hidden: np.ndarray,
+    ) -> None:
+        rays = eye.rays(pixels)
         hits = self._tracer.closest_hit(rays)
-        travelled = hits.distance + np.float32(view.near)
-        points, target, passed = empty_surfaces(count), np.arange(count, dtype=np.int32), np.empty(count, np.uint8)
-        again = surface(
-            rays.direction, travelled, hits.primitive, hits.barycentric, self._geometry, self._materials,
-            eye, forward, cone, hidden, True, target, points, passed,
-        )  # fmt: skip
-        layers = 0
-        while again and layers < MAX_LAYERS:
-            layers += 1
+        travelled = hits.distance + np.float32(eye.view.near)
+        for _ in range(MAX_LAYERS + 1):
+            passed = np.empty(len(target), np.uint8)
+            if not surface(
+                rays.direction, travelled, hits.primitive, hits.barycentric, self._geometry, self._materials,
+                eye.position, eye.forward, eye.cone, hidden, True, order, target, out, passed,
+            ):  # fmt: skip
+                return
+            # Behind holes, culled faces and what is hidden.
             index = np.flatnonzero(passed)
             rays, step = continued(rays, hits.distance, index)
             travelled = travelled[index] + step - hits.distance[index]
             hits, target = self._tracer.closest_hit(rays), target[index]
+            order = np.arange(len(index), dtype=np.int32)
             travelled += hits.distance
-            passed = np.empty(len(index), np.uint8)
-            again = surface(
-                rays.direction, travelled, hits.primitive, hits.barycentric, self._geometry, self._materials,
-                eye, forward, cone, hidden, True, target, points, passed,
-            )  # fmt: skip
-        if again:
-            self._miss(target[np.flatnonzero(passed)], points, eye, forward, cone)
-        put_in_place(pixels, points, out)
+        self._miss(target, eye, out)
 
-    def _miss(
-        self, target: np.ndarray, points: SurfaceArrays, eye: np.ndarray, forward: np.ndarray, cone: np.ndarray
-    ) -> None:
+    def _miss(self, target: np.ndarray, eye: _Eye, out: SurfaceArrays) -> None:
         """Clear values for rays that passed MAX_LAYERS surfaces."""
         count = len(target)
         surface(
             np.zeros((count, 3), np.float32), np.zeros(count, np.float32), np.full(count, 0xFFFFFFFF, np.uint32),
-            np.zeros((count, 2), np.float32), self._geometry, self._materials, eye, forward, cone, self._all_seen, True,
-            target, points, np.empty(count, np.uint8),
+            np.zeros((count, 2), np.float32), self._geometry, self._materials, eye.position, eye.forward, eye.cone,
+            self._all_seen, True, np.arange(count, dtype=np.int32), target, out, np.empty(count, np.uint8),
         )  # fmt: skip
 
     def _motion(self, view: CameraView, gbuffer: GBuffer, pixels: np.ndarray | None) -> None:

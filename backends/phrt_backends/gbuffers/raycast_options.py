@@ -8,4 +8,4 @@ from phrt.registry import Options
 
 
 class RaycastOptions(Options):
-    chunk_pixels: int = Field(8192, ge=64, le=1 << 20, description="pixels a thread takes at a time")
+    chunk_pixels: int = Field(16384, ge=64, le=1 << 20, description="pixels a thread takes at a time, at most")

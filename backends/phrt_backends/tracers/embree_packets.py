@@ -82,8 +82,16 @@ class EmbreePackets(Tracer):
         distance, primitive = np.empty(count, np.float32), np.empty(count, np.uint32)
         barycentric = np.empty((count, 2), np.float32)
         arguments = ctypes.addressof(self._arguments[rays.coherent])
+        mask = kernels.OPAQUE if rays.opaque_only else kernels.SEEN
         kernels.closest_hit_packets(
-            self._committed_root(), arguments, self._first_triangle, *_plain(rays), distance, primitive, barycentric
+            self._committed_root(),
+            arguments,
+            mask,
+            self._first_triangle,
+            *_plain(rays),
+            distance,
+            primitive,
+            barycentric,
         )
         return HitBatch(distance, primitive, barycentric)
 
@@ -160,7 +168,12 @@ def _query_arguments(coherent: bool) -> abi.QueryArguments:
 
 
 def _mask(world: World, object_id: int) -> int:
-    return int(kernels.SEEN | kernels.CASTS_SHADOW) if world.object_casts_shadow[object_id] else int(kernels.SEEN)
+    mask = kernels.SEEN
+    if world.object_casts_shadow[object_id]:
+        mask |= kernels.CASTS_SHADOW
+    if world.object_opaque[object_id]:
+        mask |= kernels.OPAQUE
+    return int(mask)
 
 
 def _padded(positions: np.ndarray) -> np.ndarray:

@@ -80,37 +80,51 @@ def fill_gaps(pixels, object_id, mask, width, height, traced_code, history_code,
 
 
 @kernel
-def count_objects(object_id, counts):
-    """counts (N + 1,) int64 += how many of the pixels (P,) show each object."""
-    for i in range(len(object_id)):
-        counts[object_id[i]] += 1
+def count_by_object(order, object_id, counts):
+    """counts (N + 1,) int64 += how many of the pixels `order` (n,) show each object. Neighbours mostly show the same one."""
+    current, run = np.uint32(0), 0
+    for j in range(len(order)):
+        o = object_id[np.uint32(order[j])]
+        if o != current:
+            counts[current] += run
+            current, run = o, 0
+        run += 1
+    counts[current] += run
 
 
 @kernel
-def sort_by_object(order, object_id, material_id, applies, allowed, start, pixels):
-    """Counting sort of the pixels an effect applies to, by object, in tile order within one.
-
-    order (P,) int32; applies (materials,), allowed (N + 1,) bool; start (N + 2,) int64 gets each object's first place in
-    `pixels` (P,) int32. Returns the number of pixels placed.
-    """
-    for k in range(len(start)):
-        start[k] = 0
-    for j in range(len(order)):
-        o = object_id[order[j]]
-        if o != 0 and allowed[o] and applies[material_id[order[j]]]:
-            start[o + 1] += 1
-    for k in range(1, len(start)):
-        start[k] += start[k - 1]
+def place_by_object(order, object_id, place, pixels):
+    """Pixels `order` (n,) to where their objects' next ones belong in `pixels`: place (N + 1,) int64, moved on."""
+    current, at = np.uint32(0), place[0]
     for j in range(len(order)):
         row = order[j]
-        o = object_id[row]
-        if o != 0 and allowed[o] and applies[material_id[row]]:
-            pixels[start[o]] = row
-            start[o] += 1
-    for k in range(len(start) - 1, 0, -1):
-        start[k] = start[k - 1]
-    start[0] = 0
-    return start[len(start) - 1]
+        o = object_id[np.uint32(row)]
+        if o != current:
+            place[current] = at
+            current, at = o, place[o]
+        pixels[np.uint64(at)] = row
+        at += 1
+    place[current] = at
+
+
+@kernel
+def select_pixels(start, pixels, material_id, applies, allowed, selected_start, selected):
+    """Those of `pixels` (P,), sorted by object, that an effect applies to, in the same order.
+
+    start (N + 2,) int64: each object's first place, the background at 0; applies (materials,), allowed (N + 1,) bool;
+    selected_start, selected: the same for what was selected, without background. Returns how many pixels that is.
+    """
+    count = 0
+    selected_start[0] = 0
+    for o in range(1, len(start) - 1):
+        selected_start[o] = count
+        if allowed[o]:
+            for j in range(start[o], start[o + 1]):
+                row = pixels[np.uint64(j)]
+                selected[np.uint64(count)] = row
+                count += applies[material_id[np.uint32(row)]]
+    selected_start[len(start) - 1] = count
+    return count
 
 
 @kernel

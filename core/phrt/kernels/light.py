@@ -71,8 +71,9 @@ _NX, _NY, _NZ, _VX, _VY, _VZ, _LX, _LY, _LZ = 0, 1, 2, 3, 4, 5, 6, 7, 8
     _NV,
     _PLAIN_F0,
     _PLAIN_F90,
-) = range(9, 26)
-_ROWS = 26
+    _MASK_V,
+) = range(9, 27)
+_ROWS = 27
 
 
 @kernel
@@ -87,20 +88,30 @@ def direct_light(start, stop, surfaces, materials, lights, view, view_is_point, 
     position, normal, base_color = surfaces.position, surfaces.normal, surfaces.base_color
     metallic, roughness, transmission = surfaces.metallic, surfaces.roughness, surfaces.transmission
     material_id, object_id = surfaces.material_id, surfaces.object_id
+    f0_of = np.empty(len(materials), np.float32)
+    for m in range(len(materials)):
+        f0_of[m] = dielectric_f0(materials[m].ior, materials[m].specular)
     at = np.zeros((_ROWS, BLOCK), np.float32)
     radiance = np.empty((3, BLOCK), np.float32)
     for block in range(start, stop, BLOCK):
         size = min(BLOCK, stop - block)
         # Everything about the points, side by side; background and unlit surfaces reflect nothing.
         for i in range(size):
-            row = np.uint32(block + i)
+            row = np.uint64(block + i)
             material = materials[material_id[row]]
             at[_LIT, i] = f32(0.0) if object_id[row] == 0 or material.unlit else f32(1.0)
-            at[_PLAIN_F0, i] = dielectric_f0(material.ior, material.specular)
-            at[_PLAIN_F90, i] = material.specular
+            at[_PLAIN_F0, i], at[_PLAIN_F90, i] = f0_of[material_id[row]], material.specular
+        for i in range(size):
+            row = np.uint64(block + i)
             at[_NX, i], at[_NY, i], at[_NZ, i] = normal[row, 0], normal[row, 1], normal[row, 2]
+        for i in range(size):
+            row = np.uint64(block + i)
             at[_PX, i], at[_PY, i], at[_PZ, i] = position[row, 0], position[row, 1], position[row, 2]
+        for i in range(size):
+            row = np.uint64(block + i)
             at[_RED, i], at[_GREEN, i], at[_BLUE, i] = base_color[row, 0], base_color[row, 1], base_color[row, 2]
+        for i in range(size):
+            row = np.uint64(block + i)
             at[_METAL, i], at[_ALPHA2, i], at[_DIFFUSE, i] = metallic[row], roughness[row], transmission[row]
         if view_is_point:
             eye_x, eye_y, eye_z = view[0, 0], view[0, 1], view[0, 2]
@@ -110,7 +121,7 @@ def direct_light(start, stop, surfaces, materials, lights, view, view_is_point, 
                 at[_VX, i], at[_VY, i], at[_VZ, i] = x * scale, y * scale, z * scale
         else:
             for i in range(size):
-                row = np.uint32(block - start + i)
+                row = np.uint64(block - start + i)
                 at[_VX, i], at[_VY, i], at[_VZ, i] = -view[row, 0], -view[row, 1], -view[row, 2]
         for i in range(BLOCK):
             metal, rough = at[_METAL, i], at[_ALPHA2, i]
@@ -120,7 +131,8 @@ def direct_light(start, stop, surfaces, materials, lights, view, view_is_point, 
             at[_F0, i] = at[_PLAIN_F0, i] * (f32(1.0) - metal)
             at[_F90, i] = at[_PLAIN_F90, i] * (f32(1.0) - metal) + metal
             facing = at[_NX, i] * at[_VX, i] + at[_NY, i] * at[_VY, i] + at[_NZ, i] * at[_VZ, i]
-            at[_NV, i] = max(abs(facing), f32(1e-3))
+            n_v, a2 = max(abs(facing), f32(1e-3)), at[_ALPHA2, i]
+            at[_NV, i], at[_MASK_V, i] = n_v, math.sqrt(n_v * n_v * (f32(1.0) - a2) + a2)
         for k in range(len(lights)):
             light = lights[k]
             if light.kind == DIRECTIONAL:
@@ -156,9 +168,7 @@ def direct_light(start, stop, surfaces, materials, lights, view, view_is_point, 
                 schlick = w2 * w2 * w
                 a2 = at[_ALPHA2, i]
                 d = n_h * n_h * (a2 - f32(1.0)) + f32(1.0)
-                smith = n_l * math.sqrt(n_v * n_v * (f32(1.0) - a2) + a2) + n_v * math.sqrt(
-                    n_l * n_l * (f32(1.0) - a2) + a2
-                )
+                smith = n_l * at[_MASK_V, i] + n_v * math.sqrt(n_l * n_l * (f32(1.0) - a2) + a2)
                 specular = a2 * at[_SHINY, i] / max(d * d * smith, f32(1e-20))
                 metal, grazing = at[_METAL, i], at[_F90, i]
                 r, g, b = at[_RED, i], at[_GREEN, i], at[_BLUE, i]
@@ -171,5 +181,5 @@ def direct_light(start, stop, surfaces, materials, lights, view, view_is_point, 
                 radiance[1, i] = (diffuse * g + fg * specular) * green * arriving
                 radiance[2, i] = (diffuse * b + fb * specular) * blue * arriving
             for i in range(size):
-                row = np.uint32(block + i)
+                row = np.uint64(block + i)
                 out[row, k, 0], out[row, k, 1], out[row, k, 2] = radiance[0, i], radiance[1, i], radiance[2, i]

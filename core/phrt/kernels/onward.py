@@ -14,7 +14,8 @@ f32 = np.float32
 def continued(rays: RayBatch, distance: np.ndarray, index: np.ndarray) -> tuple[RayBatch, np.ndarray]:
     """Rays `index` (k,) of `rays` from just behind their hits at `distance` (n,) on, and how far (k,) they were moved."""
     count = len(index)
-    onward = RayBatch(np.empty((count, 3), f32), np.empty((count, 3), f32), np.empty(count, f32), rays.coherent)
+    origin, direction, t_max = np.empty((count, 3), f32), np.empty((count, 3), f32), np.empty(count, f32)
+    onward = RayBatch(origin, direction, t_max, rays.coherent, rays.opaque_only)
     step = np.empty(count, f32)
     onward_rays(
         index, rays.origin, rays.direction, rays.t_max, distance, onward.origin, onward.direction, onward.t_max, step

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from phrt.kernels.jit import device, kernel
+from phrt.kernels.jit import kernel
 
 f32 = np.float32
 
@@ -24,6 +24,26 @@ def tile_order(width: int, height: int) -> np.ndarray:
     return order
 
 
+@lru_cache(maxsize=16)
+def row_order(width: int, height: int, size: int) -> np.ndarray:
+    """(width * height,) int32: in each run of `size` pixels of `tile_order`, their places in it, row by row of the picture.
+    Read-only.
+
+    Rays are traced in tiles; what they found is written into fifteen arrays of a whole picture. By tiles that would be some
+    hundred places in memory at a time, and take as long as everything else the surface kernel does.
+    """
+    pixels = tile_order(width, height)
+    run = np.arange(len(pixels), dtype=np.int64) // size
+    order = (np.lexsort((pixels, run)) - run * size).astype(np.int32)
+    order.flags.writeable = False
+    return order
+
+
+BLOCK = 64
+_SX, _SY, _DX, _DY, _DZ, _OX, _OY, _OZ, _REACH = range(9)
+_RAY_ROWS = 9
+
+
 @kernel
 def eye_rays(
     pixels, width, height, world_from_view, tan_half, jitter, orthographic, near, far, origin, direction, t_max
@@ -32,71 +52,42 @@ def eye_rays(
 
     world_from_view (4, 4) float32; tan_half, jitter (2,) float32; writes origin, direction (n, 3) and t_max (n,).
     """
-    for i in range(len(pixels)):
-        x = pixels[i] % width
-        y = pixels[i] // width
-        sx = ((f32(x) + f32(0.5) + jitter[0]) / f32(width) * f32(2.0) - f32(1.0)) * tan_half[0]
-        sy = (f32(1.0) - (f32(y) + f32(0.5) + jitter[1]) / f32(height) * f32(2.0)) * tan_half[1]
-        if orthographic:
-            lx, ly, lz = sx, sy, f32(0.0)
-            vx, vy, vz = f32(0.0), f32(0.0), f32(-1.0)
-            stretch = f32(1.0)
-        else:
-            stretch = f32(math.sqrt(sx * sx + sy * sy + f32(1.0)))
-            lx, ly, lz = f32(0.0), f32(0.0), f32(0.0)
-            vx, vy, vz = sx / stretch, sy / stretch, f32(-1.0) / stretch
-        m = world_from_view
-        dx = m[0, 0] * vx + m[0, 1] * vy + m[0, 2] * vz
-        dy = m[1, 0] * vx + m[1, 1] * vy + m[1, 2] * vz
-        dz = m[2, 0] * vx + m[2, 1] * vy + m[2, 2] * vz
-        start = near * stretch
-        origin[i, 0] = m[0, 0] * lx + m[0, 1] * ly + m[0, 2] * lz + m[0, 3] + dx * start
-        origin[i, 1] = m[1, 0] * lx + m[1, 1] * ly + m[1, 2] * lz + m[1, 3] + dy * start
-        origin[i, 2] = m[2, 0] * lx + m[2, 1] * ly + m[2, 2] * lz + m[2, 3] + dz * start
-        direction[i, 0], direction[i, 1], direction[i, 2] = dx, dy, dz
-        t_max[i] = (far - near) * stretch
-
-
-@kernel
-def put_in_place(pixels, points, out):
-    """Rows 0..n of `points` into rows `pixels` (n,) of `out`, array by array.
-
-    The surface kernel writes every array for one pixel after the other; into arrays of a whole picture, in tile order, that
-    are some hundred places in memory at a time, and it took as long as everything else it does. So it writes into a chunk
-    that the cache holds, and this brings one array after the other to its place.
-    """
-    rows = len(pixels)
-    position, normal, geometric_normal = points.position, points.normal, points.geometric_normal
-    out_position, out_normal, out_geometric_normal = out.position, out.normal, out.geometric_normal
-    base_color, emissive, uv = points.base_color, points.emissive, points.uv
-    out_base_color, out_emissive, out_uv = out.base_color, out.emissive, out.uv
-    copy3(rows, pixels, position, out_position)
-    copy3(rows, pixels, normal, out_normal)
-    copy3(rows, pixels, geometric_normal, out_geometric_normal)
-    copy3(rows, pixels, base_color, out_base_color)
-    copy3(rows, pixels, emissive, out_emissive)
-    for i in range(rows):
-        row = np.uint32(pixels[i])
-        out_uv[row, 0], out_uv[row, 1] = uv[i, 0], uv[i, 1]
-    copy1(rows, pixels, points.depth, out.depth)
-    copy1(rows, pixels, points.alpha, out.alpha)
-    copy1(rows, pixels, points.metallic, out.metallic)
-    copy1(rows, pixels, points.roughness, out.roughness)
-    copy1(rows, pixels, points.transmission, out.transmission)
-    copy1(rows, pixels, points.occlusion, out.occlusion)
-    copy1(rows, pixels, points.object_id, out.object_id)
-    copy1(rows, pixels, points.primitive_id, out.primitive_id)
-    copy1(rows, pixels, points.material_id, out.material_id)
-
-
-@device
-def copy3(rows, pixels, source, target):
-    for i in range(rows):
-        row = np.uint32(pixels[i])
-        target[row, 0], target[row, 1], target[row, 2] = source[i, 0], source[i, 1], source[i, 2]
-
-
-@device
-def copy1(rows, pixels, source, target):
-    for i in range(rows):
-        target[np.uint32(pixels[i])] = source[i]
+    # The matrix by columns, and out of the loop: what is read inside it could be what is written, as far as the compiler knows.
+    xx, xy, xz = world_from_view[0, 0], world_from_view[1, 0], world_from_view[2, 0]
+    yx, yy, yz = world_from_view[0, 1], world_from_view[1, 1], world_from_view[2, 1]
+    zx, zy, zz = world_from_view[0, 2], world_from_view[1, 2], world_from_view[2, 2]
+    eye_x, eye_y, eye_z = world_from_view[0, 3], world_from_view[1, 3], world_from_view[2, 3]
+    rows = 1.0 / width  # of a pixel; in double precision, which holds every pixel number exactly
+    step_x, step_y = f32(2.0) * tan_half[0] / f32(width), f32(2.0) * tan_half[1] / f32(height)
+    left, top = (f32(0.5) + jitter[0]) * step_x - tan_half[0], tan_half[1] - (f32(0.5) + jitter[1]) * step_y
+    reach = far - near
+    # Blocks of BLOCK rays, computed in one array: the compiler then makes vector instructions of it.
+    at = np.zeros((_RAY_ROWS, BLOCK), np.float32)
+    for block in range(0, len(pixels), BLOCK):
+        size = min(BLOCK, len(pixels) - block)
+        for i in range(size):
+            pixel = pixels[np.uint64(block + i)]
+            y = np.int32((np.float64(pixel) + 0.5) * rows)
+            at[_SX, i], at[_SY, i] = f32(pixel - y * width), f32(y)
+        for i in range(BLOCK):
+            sx, sy = at[_SX, i] * step_x + left, top - at[_SY, i] * step_y
+            if orthographic:
+                stretch = f32(1.0)
+                dx, dy, dz = -zx, -zy, -zz
+                from_x, from_y, from_z = eye_x + xx * sx + yx * sy, eye_y + xy * sx + yy * sy, eye_z + xz * sx + yz * sy
+            else:
+                stretch = f32(math.sqrt(sx * sx + sy * sy + f32(1.0)))
+                inverse = f32(1.0) / stretch
+                dx = (xx * sx + yx * sy - zx) * inverse
+                dy = (xy * sx + yy * sy - zy) * inverse
+                dz = (xz * sx + yz * sy - zz) * inverse
+                from_x, from_y, from_z = eye_x, eye_y, eye_z
+            start = near * stretch
+            at[_DX, i], at[_DY, i], at[_DZ, i] = dx, dy, dz
+            at[_OX, i], at[_OY, i], at[_OZ, i] = from_x + dx * start, from_y + dy * start, from_z + dz * start
+            at[_REACH, i] = reach * stretch
+        for i in range(size):
+            ray = np.uint64(block + i)
+            origin[ray, 0], origin[ray, 1], origin[ray, 2] = at[_OX, i], at[_OY, i], at[_OZ, i]
+            direction[ray, 0], direction[ray, 1], direction[ray, 2] = at[_DX, i], at[_DY, i], at[_DZ, i]
+            t_max[ray] = at[_REACH, i]

@@ -75,6 +75,43 @@ def view_direction(camera, pixel, width):
     return x * scale, y * scale, z * scale
 
 
+# Rows of the block `composite` works in; one array, as in `direct_light`.
+(
+    _F0,
+    _SPECULAR,
+    _LIT,
+    _NX,
+    _NY,
+    _NZ,
+    _X,
+    _Y,
+    _Z,
+    _RED,
+    _GREEN,
+    _BLUE,
+    _METAL,
+    _ROUGH,
+    _PASSES,
+    _COVER,
+    _OPEN,
+    _NV,
+    _BODY,
+    _SHARE_R,
+    _SHARE_G,
+    _SHARE_B,
+    _TOTAL_R,
+    _TOTAL_G,
+    _TOTAL_B,
+    _AMBIENT_R,
+    _AMBIENT_G,
+    _AMBIENT_B,
+    _MIRROR_R,
+    _MIRROR_G,
+    _MIRROR_B,
+) = range(31)
+_ROWS = 31
+
+
 @kernel
 def composite(start, stop, pixels, surfaces, materials, camera, background, direct, visibility, ao, reflection, reflection_mask,
               refraction, environment, exposure, image):  # fmt: skip
@@ -88,138 +125,145 @@ def composite(start, stop, pixels, surfaces, materials, camera, background, dire
     Blocks of BLOCK rows, each step a loop without branches where it can be, so that the compiler makes vector instructions of it.
     """
     # Out of the loop: a tuple's array costs a reference count every time it is taken out.
-    object_id, material_id, position, normal = (
-        surfaces.object_id,
-        surfaces.material_id,
-        surfaces.position,
-        surfaces.normal,
-    )
-    base_color, emissive, alpha = surfaces.base_color, surfaces.emissive, surfaces.alpha
+    object_id, material_id = surfaces.object_id, surfaces.material_id
+    position, normal, base_color, emissive = surfaces.position, surfaces.normal, surfaces.base_color, surfaces.emissive
     metallic, roughness, transmission = surfaces.metallic, surfaces.roughness, surfaces.transmission
-    baked = surfaces.occlusion
+    alpha, baked = surfaces.alpha, surfaces.occlusion
     sharp, blurred, harmonics = environment.sharp, environment.blurred, environment.irradiance
     constant_dome = sharp.shape[1] == 1
+    dome_r, dome_g, dome_b = sharp[0, 0, 0, 0], sharp[0, 0, 0, 1], sharp[0, 0, 0, 2]
     lights = direct.shape[1]
     width = np.uint32(f32(1.0) / camera[4, 1] + f32(0.5))
-    n_v, f0, specular, lit = (np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32),
-                              np.empty(BLOCK, np.float32))  # fmt: skip
-    total, share, body_share = (
-        np.empty((3, BLOCK), np.float32),
-        np.empty((3, BLOCK), np.float32),
-        np.empty(BLOCK, np.float32),
-    )
-    ambient, mirrored = np.empty((3, BLOCK), np.float32), np.empty((3, BLOCK), np.float32)
+    eye_x, eye_y, eye_z = camera[0, 0], camera[0, 1], camera[0, 2]
+    forward_x, forward_y, forward_z = camera[3, 0], camera[3, 1], camera[3, 2]
+    f0_of = np.empty(len(materials), np.float32)
+    for m in range(len(materials)):
+        f0_of[m] = dielectric_f0(materials[m].ior, materials[m].specular)
+    at = np.zeros((_ROWS, BLOCK), np.float32)
     for block in range(start, stop, BLOCK):
         size = min(BLOCK, stop - block)
-        empty, special = 0, 0
+        # Everything about the points, side by side.
+        empty, special, held = 0, 0, 0
         for i in range(size):
-            material = materials[material_id[block + i]]
-            f0[i] = dielectric_f0(material.ior, material.specular)
-            specular[i] = material.specular
-            lit[i] = f32(0.0) if material.unlit else f32(1.0)
-            empty += object_id[block + i] == 0
-            special += transmission[block + i] > f32(0.0)
+            row = np.uint64(block + i)
+            material = materials[material_id[row]]
+            at[_F0, i], at[_SPECULAR, i] = f0_of[material_id[row]], material.specular
+            at[_LIT, i] = f32(0.0) if material.unlit else f32(1.0)
+            empty += object_id[row] == 0
+            held += reflection_mask[row] != 0
+        for i in range(size):
+            row = np.uint64(block + i)
+            at[_NX, i], at[_NY, i], at[_NZ, i] = normal[row, 0], normal[row, 1], normal[row, 2]
+        for i in range(size):
+            row = np.uint64(block + i)
+            at[_X, i], at[_Y, i], at[_Z, i] = position[row, 0], position[row, 1], position[row, 2]
+        for i in range(size):
+            row = np.uint64(block + i)
+            at[_RED, i], at[_GREEN, i], at[_BLUE, i] = base_color[row, 0], base_color[row, 1], base_color[row, 2]
+        for i in range(size):
+            row = np.uint64(block + i)
+            at[_METAL, i], at[_ROUGH, i], at[_PASSES, i] = metallic[row], roughness[row], transmission[row]
+            special += transmission[row] > f32(0.0)
+        for i in range(size):
+            row = np.uint64(block + i)
+            at[_COVER, i], at[_OPEN, i] = alpha[row], ao[row] * baked[row]
+            special += alpha[row] < f32(1.0)
 
         # The angle to the eye.
         if camera[4, 0] > f32(0.0):
-            for i in range(size):
-                row = block + i
-                cosine = normal[row, 0] * camera[3, 0] + normal[row, 1] * camera[3, 1] + normal[row, 2] * camera[3, 2]
-                n_v[i] = min(max(abs(cosine), f32(1e-3)), f32(1.0))
+            for i in range(BLOCK):
+                cosine = at[_NX, i] * forward_x + at[_NY, i] * forward_y + at[_NZ, i] * forward_z
+                at[_NV, i] = min(max(abs(cosine), f32(1e-3)), f32(1.0))
         else:
-            eye_x, eye_y, eye_z = camera[0, 0], camera[0, 1], camera[0, 2]
-            for i in range(size):
-                row = block + i
-                x, y, z = eye_x - position[row, 0], eye_y - position[row, 1], eye_z - position[row, 2]
-                cosine = normal[row, 0] * x + normal[row, 1] * y + normal[row, 2] * z
+            for i in range(BLOCK):
+                x, y, z = eye_x - at[_X, i], eye_y - at[_Y, i], eye_z - at[_Z, i]
+                cosine = at[_NX, i] * x + at[_NY, i] * y + at[_NZ, i] * z
                 cosine = abs(cosine) / math.sqrt(x * x + y * y + z * z + f32(1e-20))
-                n_v[i] = min(max(cosine, f32(1e-3)), f32(1.0))
+                at[_NV, i] = min(max(cosine, f32(1e-3)), f32(1.0))
 
         # Reflected share, as `reflectance` has it; smooth glass again, exactly.
-        for i in range(size):
-            row = block + i
-            w = f32(1.0) - n_v[i]
+        for i in range(BLOCK):
+            w = f32(1.0) - at[_NV, i]
             w2 = w * w
             schlick = w2 * w2 * w
-            smooth = f32(1.0) - roughness[row]
-            plain = f0[i] + (max(smooth * specular[i], f0[i]) - f0[i]) * schlick
-            metal = metallic[row]
+            f0, smooth, metal, lit = at[_F0, i], f32(1.0) - at[_ROUGH, i], at[_METAL, i], at[_LIT, i]
+            plain = f0 + (max(smooth * at[_SPECULAR, i], f0) - f0) * schlick
             rest = plain * (f32(1.0) - metal)
-            body_share[i] = f32(1.0) - plain
-            r, g, b = base_color[row, 0], base_color[row, 1], base_color[row, 2]
-            share[0, i] = (rest + (r + (max(smooth, r) - r) * schlick) * metal) * lit[i]
-            share[1, i] = (rest + (g + (max(smooth, g) - g) * schlick) * metal) * lit[i]
-            share[2, i] = (rest + (b + (max(smooth, b) - b) * schlick) * metal) * lit[i]
+            r, g, b = at[_RED, i], at[_GREEN, i], at[_BLUE, i]
+            at[_BODY, i] = f32(1.0) - plain
+            at[_SHARE_R, i] = (rest + (r + (max(smooth, r) - r) * schlick) * metal) * lit
+            at[_SHARE_G, i] = (rest + (g + (max(smooth, g) - g) * schlick) * metal) * lit
+            at[_SHARE_B, i] = (rest + (b + (max(smooth, b) - b) * schlick) * metal) * lit
         if special:
             for i in range(size):
-                row = block + i
-                if transmission[row] > f32(0.0) and roughness[row] <= SMOOTH_GLASS and metallic[row] == f32(0.0):
-                    f = fresnel_dielectric(n_v[i], materials[material_id[row]].ior) * specular[i] * lit[i]
-                    share[0, i], share[1, i], share[2, i] = f, f, f
-                    body_share[i] = f32(1.0) - f
+                if at[_PASSES, i] > f32(0.0) and at[_ROUGH, i] <= SMOOTH_GLASS and at[_METAL, i] == f32(0.0):
+                    ior = materials[material_id[np.uint32(block + i)]].ior
+                    f = fresnel_dielectric(at[_NV, i], ior) * at[_SPECULAR, i] * at[_LIT, i]
+                    at[_SHARE_R, i], at[_SHARE_G, i], at[_SHARE_B, i] = f, f, f
+                    at[_BODY, i] = f32(1.0) - f
 
         # Emitted and direct light.
         for i in range(size):
-            row = block + i
-            total[0, i], total[1, i], total[2, i] = emissive[row, 0], emissive[row, 1], emissive[row, 2]
-        for k in range(lights):
-            for i in range(size):
-                row = block + i
-                v = visibility[row, k]
-                total[0, i] += direct[row, k, 0] * v
-                total[1, i] += direct[row, k, 1] * v
-                total[2, i] += direct[row, k, 2] * v
+            row = np.uint64(block + i)
+            r, g, b = emissive[row, 0], emissive[row, 1], emissive[row, 2]
+            for k in range(lights):
+                light = np.uint32(k)
+                v = visibility[row, light]
+                r += direct[row, light, 0] * v
+                g += direct[row, light, 1] * v
+                b += direct[row, light, 2] * v
+            at[_TOTAL_R, i], at[_TOTAL_G, i], at[_TOTAL_B, i] = r, g, b
 
         # The dome: diffuse, and in the mirror direction where no layer holds it.
         if constant_dome:
-            for i in range(size):
-                ambient[0, i], ambient[1, i], ambient[2, i] = sharp[0, 0, 0, 0], sharp[0, 0, 0, 1], sharp[0, 0, 0, 2]
-                mirrored[0, i], mirrored[1, i], mirrored[2, i] = sharp[0, 0, 0, 0], sharp[0, 0, 0, 1], sharp[0, 0, 0, 2]
+            for i in range(BLOCK):
+                at[_AMBIENT_R, i], at[_AMBIENT_G, i], at[_AMBIENT_B, i] = dome_r, dome_g, dome_b
+                opened = at[_OPEN, i]
+                at[_MIRROR_R, i], at[_MIRROR_G, i], at[_MIRROR_B, i] = dome_r * opened, dome_g * opened, dome_b * opened
         else:
             for i in range(size):
-                row = block + i
-                nx, ny, nz = normal[row, 0], normal[row, 1], normal[row, 2]
-                ambient[0, i], ambient[1, i], ambient[2, i] = irradiance(harmonics, nx, ny, nz)
+                row = np.uint64(block + i)
+                nx, ny, nz, opened = at[_NX, i], at[_NY, i], at[_NZ, i], at[_OPEN, i]
+                at[_AMBIENT_R, i], at[_AMBIENT_G, i], at[_AMBIENT_B, i] = irradiance(harmonics, nx, ny, nz)
                 if reflection_mask[row] == 0:
                     x, y, z = view_direction(camera, pixels[row], width)
                     twice = f32(2.0) * (x * nx + y * ny + z * nz)
                     x, y, z = x - twice * nx, y - twice * ny, z - twice * nz
-                    r, g, b = environment_radiance(sharp, blurred, x, y, z, roughness[row])
-                    mirrored[0, i], mirrored[1, i], mirrored[2, i] = r, g, b
-        for i in range(size):
-            row = block + i
-            held = reflection_mask[row] != 0
-            occlusion = ao[row] * baked[row]
-            r = reflection[row, 0] if held else mirrored[0, i] * occlusion
-            g = reflection[row, 1] if held else mirrored[1, i] * occlusion
-            b = reflection[row, 2] if held else mirrored[2, i] * occlusion
-            inside = (f32(1.0) - metallic[row]) * lit[i] * body_share[i]
-            body = inside * (f32(1.0) - transmission[row]) * occlusion
-            through = inside * transmission[row]
-            cover = alpha[row]
-            red, green, blue = base_color[row, 0], base_color[row, 1], base_color[row, 2]
-            r = total[0, i] + share[0, i] * r
-            g = total[1, i] + share[1, i] * g
-            b = total[2, i] + share[2, i] * b
-            behind_r, behind_g, behind_b = refraction[row, 0], refraction[row, 1], refraction[row, 2]
-            r += red * (body * ambient[0, i] + through * behind_r)
-            g += green * (body * ambient[1, i] + through * behind_g)
-            b += blue * (body * ambient[2, i] + through * behind_b)
-            image[row, 0] = (r * cover + behind_r * (f32(1.0) - cover)) * exposure
-            image[row, 1] = (g * cover + behind_g * (f32(1.0) - cover)) * exposure
-            image[row, 2] = (b * cover + behind_b * (f32(1.0) - cover)) * exposure
-        if empty and constant_dome:
+                    r, g, b = environment_radiance(sharp, blurred, x, y, z, at[_ROUGH, i])
+                    at[_MIRROR_R, i], at[_MIRROR_G, i], at[_MIRROR_B, i] = r * opened, g * opened, b * opened
+        if held:
             for i in range(size):
-                row = block + i
-                if object_id[row] == 0:
-                    seen = exposure if background else f32(0.0)
-                    for c in range(3):
-                        image[row, c] = sharp[0, 0, 0, c] * seen
-        elif empty:
+                row = np.uint64(block + i)
+                if reflection_mask[row] != 0:
+                    r, g, b = reflection[row, 0], reflection[row, 1], reflection[row, 2]
+                    at[_MIRROR_R, i], at[_MIRROR_G, i], at[_MIRROR_B, i] = r, g, b
+
+        # The sum. Only what lets light through, and what does not cover its pixel, shows what is behind it.
+        for i in range(BLOCK):
+            inside = (f32(1.0) - at[_METAL, i]) * at[_LIT, i] * at[_BODY, i]
+            body = inside * (f32(1.0) - at[_PASSES, i]) * at[_OPEN, i]
+            at[_BODY, i] = inside * at[_PASSES, i]
+            at[_TOTAL_R, i] += at[_SHARE_R, i] * at[_MIRROR_R, i] + at[_RED, i] * (body * at[_AMBIENT_R, i])
+            at[_TOTAL_G, i] += at[_SHARE_G, i] * at[_MIRROR_G, i] + at[_GREEN, i] * (body * at[_AMBIENT_G, i])
+            at[_TOTAL_B, i] += at[_SHARE_B, i] * at[_MIRROR_B, i] + at[_BLUE, i] * (body * at[_AMBIENT_B, i])
+        if special:
             for i in range(size):
-                row = block + i
+                row = np.uint64(block + i)
+                through, cover = at[_BODY, i], at[_COVER, i]
+                r, g, b = refraction[row, 0], refraction[row, 1], refraction[row, 2]
+                at[_TOTAL_R, i] = (at[_TOTAL_R, i] + at[_RED, i] * through * r) * cover + r * (f32(1.0) - cover)
+                at[_TOTAL_G, i] = (at[_TOTAL_G, i] + at[_GREEN, i] * through * g) * cover + g * (f32(1.0) - cover)
+                at[_TOTAL_B, i] = (at[_TOTAL_B, i] + at[_BLUE, i] * through * b) * cover + b * (f32(1.0) - cover)
+        if empty:
+            for i in range(size):
+                row = np.uint64(block + i)
                 if object_id[row] == 0:
                     x, y, z = view_direction(camera, pixels[row], width)
                     r, g, b = environment_radiance(sharp, blurred, x, y, z, f32(0.0))
-                    seen = exposure if background else f32(0.0)
-                    image[row, 0], image[row, 1], image[row, 2] = r * seen, g * seen, b * seen
+                    seen = f32(1.0) if background else f32(0.0)
+                    at[_TOTAL_R, i], at[_TOTAL_G, i], at[_TOTAL_B, i] = r * seen, g * seen, b * seen
+        for i in range(size):
+            row = np.uint64(block + i)
+            image[row, 0] = at[_TOTAL_R, i] * exposure
+            image[row, 1] = at[_TOTAL_G, i] * exposure
+            image[row, 2] = at[_TOTAL_B, i] * exposure

@@ -34,6 +34,7 @@ CURVE_CODES: dict[str, int] = {name: code for code, name in enumerate(get_args(T
 
 _SRGB, _ACES, _NEUTRAL = 0, 1, 2
 _BINS = 4096
+_BLOCK = 64
 _BRIGHTEST = np.float32(1e6)
 """Inputs above this are taken as this: an infinite highlight is white, not NaN."""
 
@@ -104,7 +105,7 @@ def _aces(r: np.float32, g: np.float32, b: np.float32) -> tuple[np.float32, np.f
 
 
 # No fastmath: it would let the compiler drop the NaN check and give other codes on other machines. Curve and table
-# look-ups run as two passes over a row, so that the first becomes SIMD.
+# look-ups run as two passes over a block of a row, so that the first becomes SIMD.
 @njit(cache=True, nogil=True, error_model="numpy")
 def _tone_map_rows(
     image: np.ndarray,
@@ -116,26 +117,31 @@ def _tone_map_rows(
     thresholds: np.ndarray,
 ) -> None:
     width = image.shape[1]
-    curved = np.empty((3, width), dtype=np.float32)
     zero = np.float32(0.0)
+    curved = np.zeros((3, _BLOCK), dtype=np.float32)
     for y in range(first_row, last_row):
-        for x in range(width):
-            r = min(max(image[y, x, 0], zero), _BRIGHTEST)
-            g = min(max(image[y, x, 1], zero), _BRIGHTEST)
-            b = min(max(image[y, x, 2], zero), _BRIGHTEST)
+        for first in range(0, width, _BLOCK):
+            size = min(_BLOCK, width - first)
+            for i in range(size):
+                x = np.uint64(first + i)
+                curved[0, i] = min(max(image[y, x, 0], zero), _BRIGHTEST)
+                curved[1, i] = min(max(image[y, x, 1], zero), _BRIGHTEST)
+                curved[2, i] = min(max(image[y, x, 2], zero), _BRIGHTEST)
             if curve_code == _NEUTRAL:
-                r, g, b = neutral(r, g, b)
+                for i in range(_BLOCK):
+                    curved[0, i], curved[1, i], curved[2, i] = neutral(curved[0, i], curved[1, i], curved[2, i])
             elif curve_code == _ACES:
-                r, g, b = _aces(r, g, b)
-            curved[0, x], curved[1, x], curved[2, x] = r, g, b
-        for x in range(width):
-            r, g, b = image[y, x, 0], image[y, x, 1], image[y, x, 2]
-            if r != r or g != g or b != b:
-                out[y, x, 0], out[y, x, 1], out[y, x, 2] = 255, 0, 255
-            else:
-                out[y, x, 0] = _encode(curved[0, x], codes, thresholds)
-                out[y, x, 1] = _encode(curved[1, x], codes, thresholds)
-                out[y, x, 2] = _encode(curved[2, x], codes, thresholds)
+                for i in range(_BLOCK):
+                    curved[0, i], curved[1, i], curved[2, i] = _aces(curved[0, i], curved[1, i], curved[2, i])
+            for i in range(size):
+                x = np.uint64(first + i)
+                r, g, b = image[y, x, 0], image[y, x, 1], image[y, x, 2]
+                if r != r or g != g or b != b:
+                    out[y, x, 0], out[y, x, 1], out[y, x, 2] = 255, 0, 255
+                else:
+                    out[y, x, 0] = _encode(curved[0, i], codes, thresholds)
+                    out[y, x, 1] = _encode(curved[1, i], codes, thresholds)
+                    out[y, x, 2] = _encode(curved[2, i], codes, thresholds)
 
 
 def tone_map_rows(image: np.ndarray, out: np.ndarray, first_row: int, last_row: int, curve_code: int) -> None:

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from phrt.channels import CHANNELS
 from phrt.composite import shade_flat
 from phrt.frame import Frame
 from phrt.kernels.along import environment_along
 
-SHADED = tuple(name for name in CHANNELS if name != "motion")
-"""What `shade_flat` may read. Without motion: a view of the side must not become the frame that motion counts from."""
-
 
 def behind(frame: Frame, pixels: np.ndarray) -> np.ndarray:
     """(n, 3) float32 light from the nearest opaque surface behind `pixels` (n,), lit by every light without shadows."""
-    gbuffer = frame.producer.render(frame.view, channels=SHADED, hidden=~frame.world.object_opaque, pixels=pixels)
-    return shade_flat(frame, gbuffer, frame.view, pixels)
+    surfaces = frame.producer.points(frame.view, pixels, hidden=~frame.world.object_opaque)
+    return shade_flat(frame, surfaces, frame.view, pixels)
 
 
 def environment_through(frame: Frame, pixels: np.ndarray) -> np.ndarray:

@@ -10,9 +10,9 @@ import numpy as np
 
 from phrt.composite import all_rows, shade_flat
 from phrt.frame import Frame
+from phrt.interfaces.gbuffer import POINT_CHANNELS
 from phrt.kernels.arrays import surface_arrays
 from phrt.workers import chunks
-from phrt_plugins.effects.behind import SHADED
 from phrt_plugins.effects.cube_kernels import probe_lookup
 from phrt_plugins.effects.cube_maps import face_views
 from phrt_plugins.effects.shadow_maps import ShadowMaps
@@ -41,10 +41,11 @@ class Probes:
             hidden = ~frame.world.object_opaque
             hidden[owner] = True
             for face, view in enumerate(face_views(centre, self._size)):
-                gbuffer = frame.producer.render(view, channels=SHADED, hidden=hidden)
+                gbuffer = frame.producer.render(view, channels=POINT_CHANNELS, hidden=hidden)
+                surfaces = surface_arrays(gbuffer)
                 rows = all_rows(self._size**2)
-                visibility = self._shadows.visibility_of(frame, surface_arrays(gbuffer), rows)
-                image = shade_flat(frame, gbuffer, view, rows, visibility)
+                visibility = self._shadows.visibility_of(frame, surfaces, rows)
+                image = shade_flat(frame, surfaces, view, rows, visibility)
                 self._cubes[index, face] = image.reshape(self._size, self._size, 3)
         self._low, self._high = (np.ascontiguousarray(corner, dtype=np.float32) for corner in frame.world.bounds())
 

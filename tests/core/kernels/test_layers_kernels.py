@@ -5,25 +5,41 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phrt.kernels.layers import fill_gaps, gather_ranges, interleave_units, mark_targets, scatter, sort_by_object
+from phrt.kernels.layers import (
+    count_by_object,
+    fill_gaps,
+    gather_ranges,
+    interleave_units,
+    mark_targets,
+    place_by_object,
+    scatter,
+    select_pixels,
+)
 from phrt.kernels.primary import tile_order
 
 WIDTH, HEIGHT = 37, 23
 COUNT = WIDTH * HEIGHT
 
 
-def test_sort_by_object_is_a_stable_sort_of_what_applies() -> None:
+def test_pixels_are_sorted_by_object_in_tile_order_and_then_those_an_effect_applies_to() -> None:
     rng = np.random.default_rng(1)
     ids = rng.integers(0, 7, COUNT).astype(np.uint32)
     materials = rng.integers(0, 4, COUNT).astype(np.uint32)
     applies, allowed = np.array([True, False, True, True]), np.array([False, True, True, False, True, True, True])
     order = tile_order(WIDTH, HEIGHT)
+    begins, every = np.zeros(8, np.int64), np.full(COUNT, -1, np.int32)
+    count_by_object(order, ids, begins[1:])
+    np.testing.assert_array_equal(begins[1:], np.bincount(ids, minlength=7))
+    begins = np.cumsum(begins)
+    place_by_object(order, ids, begins[:-1].copy(), every)
+    np.testing.assert_array_equal(every, order[np.argsort(ids[order], kind="stable")])
+
     start, pixels = np.empty(8, np.int64), np.full(COUNT, -1, np.int32)
-    placed = sort_by_object(order, ids, materials, applies, allowed, start, pixels)
+    selected = select_pixels(begins, every, materials, applies, allowed, start, pixels)
     wanted = order[applies[materials[order]] & allowed[ids[order]] & (ids[order] != 0)]
     expected = wanted[np.argsort(ids[wanted], kind="stable")]
-    assert placed == len(expected)
-    np.testing.assert_array_equal(pixels[:placed], expected)
+    assert selected == len(expected)
+    np.testing.assert_array_equal(pixels[:selected], expected)
     np.testing.assert_array_equal(np.diff(start), np.bincount(ids[wanted], minlength=7))
     assert start[0] == 0
 

@@ -7,7 +7,7 @@ import pytest
 from kernel_kit import random_view
 
 from phrt.kernels.motion import motion_vectors
-from phrt.kernels.primary import eye_rays, tile_order
+from phrt.kernels.primary import eye_rays, row_order, tile_order
 
 
 @pytest.mark.parametrize("orthographic", [False, True])
@@ -49,6 +49,15 @@ def test_tile_order_keeps_sixteen_neighbours_together() -> None:
     y, x = np.divmod(tile_order(64, 32).reshape(-1, 64), 64)
     assert np.all(np.ptp(x, axis=1) == 7)
     assert np.all(np.ptp(y, axis=1) == 7)
+
+
+@pytest.mark.parametrize("size", [7, 64, 5000])
+def test_row_order_goes_through_each_run_of_tiles_row_by_row(size: int) -> None:
+    pixels, order = tile_order(37, 23), row_order(37, 23, size)
+    assert order.dtype == np.int32
+    for first in range(0, len(pixels), size):
+        run = pixels[first : first + size]
+        np.testing.assert_array_equal(run[order[first : first + size]], np.sort(run))
 
 
 def test_motion_is_where_the_point_was_minus_where_it_is() -> None:

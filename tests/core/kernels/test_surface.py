@@ -52,7 +52,8 @@ def run(world: World, eye_ray: bool) -> tuple[SurfaceArrays, np.ndarray, int, np
     out, passed = empty_surfaces(COUNT), np.full(COUNT, 9, np.uint8)
     going_on = surface(
         direction, np.ones(COUNT, np.float32), primitive, weights, geometry_arrays(world), material_arrays(world), EYE,
-        FORWARD, np.float32([0, 0.001]), np.zeros(world.object_count + 1, np.uint8), eye_ray, target, out, passed,
+        FORWARD, np.float32([0, 0.001]), np.zeros(world.object_count + 1, np.uint8), eye_ray,
+        np.random.default_rng(4).permutation(COUNT).astype(np.int32), target, out, passed,
     )  # fmt: skip
     return out, passed, going_on, target
 
@@ -141,7 +142,8 @@ def test_a_normal_map_bends_the_normal_in_the_tangent_frame() -> None:
         surface(
             np.float32([[0, 0, towards]]), np.ones(1, np.float32), np.zeros(1, np.uint32), np.float32([[0.2, 0.2]]),
             geometry_arrays(world), material_arrays(world), EYE, FORWARD, np.zeros(2, np.float32),
-            np.zeros(world.object_count + 1, np.uint8), False, np.zeros(1, np.int32), out, np.empty(1, np.uint8),
+            np.zeros(world.object_count + 1, np.uint8), False, np.zeros(1, np.int32), np.zeros(1, np.int32), out,
+            np.empty(1, np.uint8),
         )  # fmt: skip
         return out.normal[0]
 
@@ -163,7 +165,8 @@ def test_hidden_objects_are_passed_by_every_ray() -> None:
     out, passed = empty_surfaces(COUNT), np.empty(COUNT, np.uint8)
     going_on = surface(
         direction, np.ones(COUNT, np.float32), primitive, weights, geometry_arrays(world), material_arrays(world), EYE,
-        FORWARD, np.float32([0, 0.001]), hidden, False, np.arange(COUNT, dtype=np.int32), out, passed,
+        FORWARD, np.float32([0, 0.001]), hidden, False, np.arange(COUNT, dtype=np.int32),
+        np.arange(COUNT, dtype=np.int32), out, passed,
     )  # fmt: skip
     assert going_on == np.count_nonzero(primitive != NO_PRIMITIVE) > 0
     np.testing.assert_array_equal(passed != 0, primitive != NO_PRIMITIVE)

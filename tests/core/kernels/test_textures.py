@@ -97,7 +97,8 @@ def textured(pixels: np.ndarray, ref: TextureRef, uv: np.ndarray, cone: float = 
     surface(
         down, np.ones(count, np.float32), np.zeros(count, np.uint32), barycentric,
         geometry_arrays(world), material_arrays(world), np.zeros(3, np.float32), np.float32([0, 0, -1]),
-        np.float32([cone, 0]), np.zeros(world.object_count + 1, np.uint8), True, np.arange(count, dtype=np.int32), out,
+        np.float32([cone, 0]), np.zeros(world.object_count + 1, np.uint8), True,
+        np.arange(count, dtype=np.int32), np.arange(count, dtype=np.int32), out,
         np.empty(count, np.uint8),
     )  # fmt: skip
     return out.base_color
