@@ -198,13 +198,15 @@ def test_row_6_holds_gain_to_its_bar_and_to_the_papers_heuristic(module):
 
 def test_row_7_compares_frame_times_of_the_best_picture_with_all_trace(module):
     entries = [
-        standing(module, "the reference", frame_mean=200.0),
+        standing(module, "the reference", frame_mean=200.0, rays=1000.0),
         standing(module, "a", frame_mean=30.0, flip=0.08),
-        standing(module, "b", frame_mean=50.0, flip=0.05),
+        standing(module, "b", frame_mean=50.0, flip=0.05, misses=0.03, rays=250.0),
     ]
     assert rows_of(module, 7, entries) == {
         "rich, 50 ms: all-trace / b, frame times": (4.0, True),
         "  mean FLIP of b, the best": (0.05, True),
+        "  its frames over budget": (3.0, None),
+        "  its rays, of all-trace's": (25.0, None),
     }
 
 
@@ -219,6 +221,7 @@ def test_row_8_counts_late_frames_and_takes_one_wave_off_the_overrun(module):
         "  worst ray-phase overrun": (4.0, None),
         "  the same less one wave": (1.5, True),
         "  mean FLIP of a, the best": (0.04, True),
+        "  its rays, of all-trace's": (0.0, None),
     }
 
 
