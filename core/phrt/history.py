@@ -108,9 +108,17 @@ class History:
         self._trails = {name: trail for name, trail in trails.items() if taken[name]}
         return {name: trail.age for name, trail in self._trails.items()}
 
-    def keep(self, frame: Frame, layers: LayerSet) -> None:
-        """Remember `frame`, whose layers are done, in place of the one before. `reproject` need not have been called for it."""
+    def keep(self, frame: Frame, layers: LayerSet, *, holds: bool = True) -> None:
+        """Remember `frame`, whose layers are done, in place of the one before. `reproject` need not have been called for it.
+
+        holds: was anything traced in it, or taken over from earlier frames? Else there is nothing to take over from it.
+        """
         surfaces, world = frame.surfaces, frame.world
+        self._eyes.appendleft(eye_row(frame.view))
+        trails, self._trails = self._trails, {}
+        if not holds:
+            self._past = None
+            return
         self._past = _Past(
             view=frame.view,
             object_id=surfaces.object_id,
@@ -121,10 +129,8 @@ class History:
             object_matrix=world.object_matrix,
             lights=world.lights.tobytes(),
             layers=layers,
-            trails=self._trails,
+            trails=trails,
         )
-        self._trails = {}
-        self._eyes.appendleft(eye_row(frame.view))
 
     def _moves(self, past: _Past, world: World) -> _Moves:
         moved = (world.object_matrix != past.object_matrix).any(axis=(1, 2))

@@ -407,7 +407,7 @@ class Renderer:
             self._learn_change(frame, work, sample, decisions, layers, image)
             stages.done("change")
         if self._history:
-            self._history.keep(frame, layers)
+            self._history.keep(frame, layers, holds=bool(decisions.chosen.any() or layers.ages))
         rays = {"primary": count if self._traces_primary else 0, **layers.rays}
         return _Sample(view, image, gbuffer, direct, layers, decisions, rays, rays_ended)
 
