@@ -13,8 +13,8 @@ frame have a small advantage, so that choices do not flip from frame to frame. W
 traced.
 
 Options: power, optimism, forget_frames, damping.
-Source: ours. Levels of detail by benefit and cost: Funkhouser and Sequin 1993, section 4; optimism about what is not known: Lai and
-Robbins 1985.
+Source: ours. Levels of detail by benefit and cost: Funkhouser and Sequin 1993, section 4; optimism about what is not known:
+Lai and Robbins 1985.
 
 Example::
 
