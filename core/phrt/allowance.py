@@ -10,8 +10,8 @@ from phrt.errors import PhrtWarning
 from phrt.interfaces.heuristic import BudgetUnit
 from phrt.pace import Pace
 
-PATIENT_FRAMES = 2
-"""Frames of a run that may leave nothing for rays without a word: they compile kernels and fill buffers."""
+PATIENT_FRAMES = 5
+"""Frames of a run that teach nothing, and of which nothing is said: they compile kernels, fill buffers and capture probes."""
 
 
 def unit_of(budget: Budget) -> BudgetUnit:
@@ -35,6 +35,7 @@ class Allowance:
         self._clock, self._reserve, self._samples = clock, reserve_ms, samples
         self._pace = Pace()
         self._frames = 0
+        self._hopeless_frames = 0
         self._told = False
 
     def of(self, budget: Budget, began_ms: float) -> float:
@@ -46,7 +47,7 @@ class Allowance:
             return budget.amount
         spent = self._clock.now_ms() - began_ms + self._reserve
         left = self._pace.ray_budget_ms(budget.amount, spent)
-        if left <= 0:
+        if self._pace.hopeless:
             self._tell(budget, spent + self._pace.tail_ms)
         return left
 
@@ -54,20 +55,21 @@ class Allowance:
         """What is kept back of `budget`."""
         return self._pace.headroom_ms(budget.amount) if budget.kind == "frame_ms" else 0.0
 
-    def finished(self, budget: Budget, total_ms: float, tail_ms: float, traced: bool) -> None:
-        """A frame under `budget` took `total_ms`, `tail_ms` of it after the ray phase. traced: were there rays?"""
+    def finished(self, budget: Budget, total_ms: float, tail_ms: float) -> None:
+        """A frame under `budget` took `total_ms`, `tail_ms` of it after the ray phase."""
         self._frames += 1
         if budget.kind == "frame_ms":
-            self._pace.finished(budget.amount, total_ms, tail_ms, traced)
+            self._pace.finished(budget.amount, total_ms, tail_ms, learn=self._frames > PATIENT_FRAMES)
 
     def _tell(self, budget: Budget, rest_ms: float) -> None:
-        """Say once that there is no time for rays."""
-        if self._told or self._frames < PATIENT_FRAMES:
+        """Say once that there is no time for rays, when that lasts."""
+        self._hopeless_frames += 1
+        if self._told or self._frames < PATIENT_FRAMES or self._hopeless_frames < PATIENT_FRAMES:
             return
         self._told = True
         warnings.warn(
             f"the frame budget of {budget} leaves nothing for rays: the rest of the frame takes {rest_ms:.0f} ms here; "
-            "what is not traced shows its fallback",
+            "frames are late, little is traced, and the rest shows its fallback",
             PhrtWarning,
             stacklevel=5,
         )

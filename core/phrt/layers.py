@@ -82,10 +82,9 @@ def apply_fallbacks(
 
 def _missing(pixels: np.ndarray, layers: LayerSet, effect: RayEffect, faults: Faults) -> np.ndarray:
     """Those of `pixels` that hold no value of an earlier frame; all of an effect that is switched off."""
-    if faults.is_off(effect):
+    if faults.is_off(effect) or effect.writes.name not in layers.ages:
         return pixels
-    kept = layers.masks[effect.writes.name][pixels] != MASK_HISTORY
-    return pixels if kept.all() else pixels[kept]
+    return pixels[layers.masks[effect.writes.name][pixels] != MASK_HISTORY]
 
 
 def _concerned(frame: Frame, effect: RayEffect, pixels: np.ndarray, faults: Faults) -> np.ndarray:
@@ -120,4 +119,9 @@ def _fall_back(frame: Frame, effect: RayEffect, pixels: np.ndarray, layers: Laye
         if not faults.is_off(effect) or not mask[pixels].any():
             return
         values, code = np.full((len(pixels), layer.shape[1]), effect.writes.clear, np.float32), MASK_NONE
-    scatter(pixels, values, np.ones(len(pixels), np.uint8), np.uint8(code), layer, mask)
+    everywhere = np.ones(len(pixels), np.uint8)
+
+    def put(piece: slice) -> None:
+        scatter(pixels[piece], values[piece], everywhere[piece], np.uint8(code), layer, mask)
+
+    frame.workers.map(put, chunks(len(pixels), CHUNK, frame.workers.threads))

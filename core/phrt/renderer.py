@@ -287,9 +287,7 @@ class Renderer:
             samples=tuple(decisions),
             headroom_ms=self._allowance.headroom_ms(self.budget),
         )
-        self._allowance.finished(
-            self.budget, result.clock_ms, ended - sample.rays_ended_ms, bool(sample.decisions.waves)
-        )
+        self._allowance.finished(self.budget, result.clock_ms, ended - sample.rays_ended_ms)
         stages.done("composite")
         return result
 

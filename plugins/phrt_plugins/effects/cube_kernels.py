@@ -100,44 +100,42 @@ def lit_share(distances, face, u, v, reference):
 
 
 @kernel
-def shadow_map_lookup(rows, surfaces, lights, maps, frames, visibility):
-    """visibility (n, L) from shadow maps (Williams 1978), percentage-closer filtered (Reeves et al. 1987).
+def shadow_map_lookup(rows, surfaces, direct, lights, maps, frames, visibility):
+    """visibility (n, L) from shadow maps (Williams 1978), percentage-closer filtered (Reeves et al. 1987); 1 where direct
+    (n, L, 3), the light that would arrive at surface points `rows`, is black.
 
     maps (L, 6, S, S) float32: depth along each face's axis, metres; directional lights use face 0 with frames (L, 4, 4)
     float32, map from world: x, y in -1..1 (right, up), z the depth. The receiver is moved along its normal by a texel.
     """
     size = maps.shape[2]
-    for i in range(len(rows)):
-        row = rows[i]
-        nx, ny, nz = (
-            surfaces.geometric_normal[row, 0],
-            surfaces.geometric_normal[row, 1],
-            surfaces.geometric_normal[row, 2],
+    at_position, at_normal = surfaces.position, surfaces.geometric_normal
+    # Light by light: its map stays in the cache, and is taken out of the array once.
+    for k in range(len(lights)):
+        light, distances, m = lights[k], maps[k], frames[k]
+        casts, directional = light.casts_shadow != 0, light.kind == DIRECTIONAL
+        lx, ly, lz = light.position[0], light.position[1], light.position[2]
+        sun_texel = (
+            f32(2.0) / f32(size) / math.sqrt(m[0, 0] * m[0, 0] + m[0, 1] * m[0, 1] + m[0, 2] * m[0, 2] + f32(1e-20))
         )
-        px, py, pz = surfaces.position[row, 0], surfaces.position[row, 1], surfaces.position[row, 2]
-        for k in range(len(lights)):
-            light = lights[k]
+        for i in range(len(rows)):
             visibility[i, k] = f32(1.0)
-            if light.casts_shadow == 0:
+            row = np.uint32(rows[i])
+            if not casts or direct[row, k, 0] + direct[row, k, 1] + direct[row, k, 2] <= f32(0.0):
                 continue
-            if light.kind == DIRECTIONAL:
-                m = frames[k]
-                texel = (
-                    f32(2.0)
-                    / f32(size)
-                    / math.sqrt(m[0, 0] * m[0, 0] + m[0, 1] * m[0, 1] + m[0, 2] * m[0, 2] + f32(1e-20))
-                )
-                x, y, z = px + nx * texel, py + ny * texel, pz + nz * texel
+            nx, ny, nz = at_normal[row, 0], at_normal[row, 1], at_normal[row, 2]
+            px, py, pz = at_position[row, 0], at_position[row, 1], at_position[row, 2]
+            if directional:
+                x, y, z = px + nx * sun_texel, py + ny * sun_texel, pz + nz * sun_texel
                 u = m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]
                 v = m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3]
                 depth = m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3]
                 if abs(u) < f32(1.0) and abs(v) < f32(1.0):
-                    visibility[i, k] = lit_share(maps[k], 0, u, -v, depth - texel * f32(0.5))
+                    visibility[i, k] = lit_share(distances, 0, u, -v, depth - sun_texel * f32(0.5))
                 continue
-            x, y, z = px - light.position[0], py - light.position[1], pz - light.position[2]
+            x, y, z = px - lx, py - ly, pz - lz
             axis = max(abs(x), max(abs(y), abs(z)))
             texel = f32(2.0) * axis / f32(size)
             x, y, z = x + nx * texel * f32(1.5), y + ny * texel * f32(1.5), z + nz * texel * f32(1.5)
             face, u, v = cube_texel(x, y, z)
             depth = max(abs(x), max(abs(y), abs(z)))
-            visibility[i, k] = lit_share(maps[k], face, u, v, depth - texel * f32(0.5))
+            visibility[i, k] = lit_share(distances, face, u, v, depth - texel * f32(0.5))

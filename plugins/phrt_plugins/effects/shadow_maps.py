@@ -45,15 +45,17 @@ class ShadowMaps:
 
     def visibility(self, frame: Frame, pixels: np.ndarray) -> np.ndarray:
         """(n, L) float32 share of every light at `pixels`, by lookup."""
-        return self.visibility_of(frame, frame.surfaces, pixels)
+        return self.visibility_of(frame, frame.surfaces, frame.direct, pixels)
 
-    def visibility_of(self, frame: Frame, surfaces: SurfaceArrays, rows: np.ndarray) -> np.ndarray:
-        """(n, L) float32 share of every light at points `rows` of any surfaces."""
+    def visibility_of(
+        self, frame: Frame, surfaces: SurfaceArrays, direct: np.ndarray, rows: np.ndarray
+    ) -> np.ndarray:
+        """(n, L) float32 share of every light at points `rows` of any surfaces; 1 where its direct light (s, L, 3) is black."""
         lights = frame.world.lights
         out = np.ones((len(rows), len(lights)), np.float32)
 
         def part(piece: slice) -> None:
-            shadow_map_lookup(rows[piece], surfaces, lights, self._maps, self._frames, out[piece])
+            shadow_map_lookup(rows[piece], surfaces, direct, lights, self._maps, self._frames, out[piece])
 
         frame.workers.map(part, chunks(len(rows), CHUNK, frame.workers.threads))
         return out
