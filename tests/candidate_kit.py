@@ -96,14 +96,17 @@ def one_frame(
     """(item, passes) of one frame in order, each charged and reported at once. Fails on one that does not fit."""
     heuristic.begin_frame(work, context(budget, frame_index))
     remaining, chosen = budget, []
+    ends = np.concatenate([np.zeros((len(work), 1)), np.cumsum(work.pass_shares(), axis=1, dtype=np.float64)], axis=1)
+    given = np.zeros(len(work), int)
     while (answer := heuristic.next(remaining)) is not None:
         request = answer if isinstance(answer, Request) else Request(answer)
         assert type(request.item) is int
-        share = request.passes / PASSES
+        before, given[request.item] = given[request.item], min(given[request.item] + request.passes, PASSES)
+        share = float(ends[request.item, given[request.item]] - ends[request.item, before])
         if request.pixels is not None:
             share = min(share, request.pixels / float(work.pixel_count[request.item]))
         cost = float(work.predicted_cost[request.item]) * share
-        assert cost <= remaining, "an item over the remaining budget"
+        assert cost <= remaining * (1 + 1e-6) + 1e-6, "an item over the remaining budget"
         remaining -= cost
         chosen.append((request.item, request.passes))
         heuristic.report(request.item, Outcome(pixels=10, rays=round(cost), milliseconds=0.1, complete=True))

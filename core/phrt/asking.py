@@ -37,13 +37,21 @@ class Asking:
         self._listens = type(heuristic).report is not Heuristic.report
         self._price: list[float] = []
         self._held: tuple[int, int, int] | None = None
-        self.has_more = not self._done
-        """False once the heuristic said that nothing should follow; True again in the next wave."""
+        self._said_no_more = False
 
     def begin(self, candidates: Candidates) -> None:
         """A new frame."""
         self._price = (candidates.predicted_cost.astype(np.float64) / PASSES).tolist()
         self._call("begin_frame", lambda: self._heuristic.begin_frame(candidates, self._context))
+
+    @property
+    def has_more(self) -> bool:
+        """Is it of use to ask for more in this wave? Not once the heuristic said that nothing should follow, or failed."""
+        return not (self._done or self._said_no_more)
+
+    def begin_wave(self) -> None:
+        """There may be more again."""
+        self._said_no_more = False
 
     def take(self, remaining: float, enough: float) -> Parts:
         """The next parts of items, together predicted to take about `enough`, and no more than `remaining`; none when the
@@ -53,7 +61,7 @@ class Asking:
             answer = self._call("take", lambda: self._heuristic.take(remaining, enough))
             requests = self._one_by_one(remaining, enough) if answer is None else self._as_arrays(answer)
             if self._done or requests is None or not len(requests[0]):
-                self.has_more = False
+                self._said_no_more = True
                 break
             if (parts := self._parts(*requests)) is None:
                 break
@@ -67,7 +75,7 @@ class Asking:
             item, times = refused.most_common(1)[0] if refused else (0, 0)
             if times > 2 * PASSES:
                 self._nonsense(item)
-            if not self.has_more:
+            if self._said_no_more:
                 break
         return NO_PARTS
 
@@ -96,7 +104,7 @@ class Asking:
             left = remaining - planned
             answer = self._call("next", partial(self._heuristic.next, left))
             if answer is None:
-                self.has_more = False
+                self._said_no_more = True
                 break
             if (request := self._as_request(answer)) is None:
                 return None

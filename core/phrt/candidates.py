@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 from typing import Literal
 
 import numpy as np
@@ -15,7 +15,7 @@ from phrt.frame import MASK_HISTORY, Frame
 from phrt.interfaces.effect import RayEffect
 from phrt.interfaces.heuristic import PASSES, BudgetUnit, Candidates
 from phrt.kernels.history import history_of_units
-from phrt.kernels.layers import count_by_object, interleave_units, place_by_object, select_pixels
+from phrt.kernels.layers import count_by_object, order_units, pass_numbers, place_by_object, select_pixels
 from phrt.kernels.primary import tile_order
 from phrt.relevance import ObjectSight, item_cost, item_relevance
 from phrt.world import World
@@ -77,41 +77,53 @@ class Units:
 @dataclass(frozen=True)
 class WorkItems:
     """The candidates, the units they are made of (one each, unless items are whole objects), and the units' pixels:
-    (p,) int32 flat indices for every effect of a picture that is `width` wide."""
+    (p,) int32 flat indices for every effect of a picture that is `width` wide.
+
+    masks: of every effect's layer, (P,) uint8, as they are before the ray phase; none where no value of an earlier frame is in any.
+    """
 
     candidates: Candidates
     units: Units
     pixels: list[np.ndarray]
     width: int
+    masks: list[np.ndarray] = field(default_factory=list)
 
     @cached_property
     def passes(self) -> Passes:
-        """The interleaved passes of every unit; only those who ask for them pay."""
+        """The passes of every unit. It must first be asked for before any part of a unit is traced; whole units may be."""
         ends = np.zeros((len(self.units), PASSES), np.int64)
-        return Passes([self._in_passes(effect, slice(None), ends) for effect in range(len(self.pixels))], ends)
-
-    def in_passes(self, effect: int, units: np.ndarray) -> np.ndarray:
-        """pixels[effect] with those of `units` (k,) in the order of their interleaved passes; the others may hold anything."""
-        if "passes" in self.__dict__:
-            return self.passes.pixels[effect]
-        return self._in_passes(effect, units, np.zeros((len(self.units), PASSES), np.int64))
-
-    def _in_passes(self, effect: int, units: np.ndarray | slice, ends: np.ndarray) -> np.ndarray:
-        rows = np.arange(len(self.units))[units]
-        rows = rows[self.units.effect[rows] == effect]
-        out, own = np.empty_like(self.pixels[effect]), np.zeros((len(rows), PASSES), np.int64)
-        interleave_units(self.pixels[effect], self.units.first[rows], self.units.count[rows], self.width, out, own)
-        ends[rows] = own
-        return out
+        ordered = []
+        for effect, pixels in enumerate(self.pixels):
+            rows = np.flatnonzero(self.units.effect == effect)
+            out, own = np.empty_like(pixels), np.zeros((len(rows), PASSES), np.int64)
+            # Rows rounded up, so that few tables serve all frames.
+            numbers = _pass_numbers(self.width, (int(pixels.max(initial=0)) // self.width | 255) + 1)
+            order_units(
+                pixels, self.units.first[rows], self.units.count[rows], self.units.held[rows], numbers,
+                self.masks[effect] if self.masks else _NO_MASK, MASK_HISTORY, out, own,
+            )  # fmt: skip
+            ordered.append(out)
+            ends[rows] = own
+        return Passes(ordered, ends)
 
 
 @dataclass(frozen=True)
 class Passes:
-    """pixels: as those of the work items, every unit's own in the order of interleaved passes; ends (m, PASSES) int64: how many
-    of them its first passes have together."""
+    """pixels: as those of the work items, every unit's own in the order in which parts of it are traced; ends (m, PASSES)
+    int64: how many of them its first passes have together. See `order_units`."""
 
     pixels: list[np.ndarray]
     ends: np.ndarray
+
+
+_NO_MASK = np.zeros(0, np.uint8)
+
+
+@lru_cache(maxsize=8)
+def _pass_numbers(width: int, height: int) -> np.ndarray:
+    numbers = np.empty(width * height, np.uint8)
+    pass_numbers(width, numbers)
+    return numbers
 
 
 def find_work(
@@ -159,7 +171,9 @@ def find_work(
         effects, scopes, units, sight, frame, visible_pixels, experience, costs, persistence, budget_unit, cost_model,
         group_by,
     )  # fmt: skip
-    return WorkItems(candidates, units, pixels, frame.view.width)
+    held = masks is not None and bool(units.held.any())
+    kept = [masks[effect.writes.name] for effect in effects] if masks is not None and held else []
+    return WorkItems(candidates, units, pixels, frame.view.width, kept)
 
 
 def _by_object(frame: Frame) -> tuple[np.ndarray, np.ndarray]:

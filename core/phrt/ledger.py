@@ -83,7 +83,8 @@ class Ledger:
             return size
         if len(self.unit_rays) == len(self._size):
             return self._work.passes.ends[items, passes - 1]
-        return -(-passes * size // PASSES)
+        shares = np.cumsum(self._work.candidates.pass_shares()[items], axis=1)
+        return np.ceil(shares[np.arange(len(items)), passes - 1] * size).astype(np.int64)
 
     def predicted(self, parts: Parts) -> np.ndarray:
         """(k,) float64, what the candidates say that tracing `parts` will take, in the budget's unit."""

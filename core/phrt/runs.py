@@ -36,8 +36,7 @@ class UnitParts:
         whole, part = rows[self.whole[rows]], rows[~self.whole[rows]]
         pieces = [_gathered(work.pixels[effect], *self._ranges(work, whole))]
         if len(part):
-            ordered = work.in_passes(effect, np.unique(self.unit[part]))
-            pieces.append(_gathered(ordered, *self._ranges(work, part)))
+            pieces.append(_gathered(work.passes.pixels[effect], *self._ranges(work, part)))
         return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
 
     def _ranges(self, work: WorkItems, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

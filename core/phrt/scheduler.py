@@ -119,7 +119,7 @@ class BudgetScheduler(Scheduler):
         largest = min(max(left * WAVE_SHARE, SMALLEST_WAVE[unit]), left)
         named = [pending]
         planned = float(ledger.predicted(pending).sum())
-        asking.has_more = True
+        asking.begin_wave()
         while planned < largest and asking.has_more:
             named.append(asking.take(left - planned, largest - planned))
             planned += float(ledger.predicted(named[-1]).sum())

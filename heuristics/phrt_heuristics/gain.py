@@ -3,7 +3,7 @@
 Ours. Earlier frames measured, on a sparse sample of pixels, what tracing an item changed in the displayed picture: against what
 the effect shows without rays (`measured_change`), against a value of an earlier frame (`measured_drift`), and against its traced
 neighbours (`measured_detail`), which is what gaps are filled with. From these follows how wrong an item's pixels are after each of
-its four interleaved passes. Every pass is worth the error it takes away, times the item's pixels and importance K, and passes are
+its four passes. Every pass is worth the error it takes away, times the item's pixels and importance K, and passes are
 taken by falling worth per predicted cost. So most items get a quarter of their pixels before any gets all, and those whose gaps
 are filled badly (mirrors, edges of shadows) get more. Mandatory items come first.
 
@@ -59,10 +59,10 @@ class Gain(Heuristic):
         self._options = options
         self._means: dict[str, np.ndarray] = {}
         self._last_passes = np.zeros(0, np.int32)
-        self._begin(np.zeros(0, np.int64), np.zeros(0, np.int32), np.zeros(0, np.float32))
+        self._begin(np.zeros(0, np.int64), np.zeros(0, np.int32), np.zeros(0, np.float32), np.zeros(0, np.float32))
 
-    def _begin(self, keys: np.ndarray, pixel_count: np.ndarray, cost: np.ndarray) -> None:
-        self._keys, self._pixel_count, self._cost = keys, pixel_count, cost
+    def _begin(self, keys: np.ndarray, pixel_count: np.ndarray, cost: np.ndarray, share: np.ndarray) -> None:
+        self._keys, self._pixel_count, self._cost, self._share = keys, pixel_count, cost, share
         self._given, self._row_of_item = np.zeros(len(keys), np.int32), np.full(len(keys), -1, np.int32)
         missing = int(keys.max(initial=-1)) + 1 - len(self._last_passes)
         self._last_passes = np.pad(self._last_passes, (0, max(missing, 0)))
@@ -71,7 +71,7 @@ class Gain(Heuristic):
         self._order, self._place = np.zeros(0, np.uint64), np.zeros(1, np.int64)
 
     def begin_frame(self, candidates: Candidates, context: FrameContext) -> None:
-        self._begin(candidates.keys(), candidates.pixel_count, candidates.predicted_cost)
+        self._begin(candidates.keys(), candidates.pixel_count, candidates.predicted_cost, candidates.history_share)
         measured = np.stack([getattr(candidates, name) for name in COLUMNS])
         means = np.stack([self._means.get(name, FIRST_GUESS) for name in candidates.effect_names], axis=1)
         effect_means(measured, candidates.pixel_count, candidates.effect, FIRST_GUESS, means)
@@ -109,12 +109,11 @@ class Gain(Heuristic):
         """(k, 2) int32 items and passes, the next steps that fit."""
         taken = np.empty((min(len(self._order) - int(self._place[0]), len(self._keys)), 2), np.int32)
         count = take_steps(
-            self._order, self._place, self._row_of_key, self._pixel_count, self._cost, SMALL_PIXELS, STEPS, LEAST_SHARE,
-            remaining, max(enough, 1e-300), self._row_of_item, taken,
+            self._order, self._place, self._row_of_key, self._pixel_count, self._cost, self._share,
+            self._given, SMALL_PIXELS, STEPS, LEAST_SHARE, remaining,
+            max(enough, 1e-300), self._row_of_item, taken,
         )  # fmt: skip
-        taken = taken[:count]
-        self._given[taken[:, 0]] += taken[:, 1]
-        return taken
+        return taken[:count]
 
     def end_frame(self) -> None:
         self._last_passes[:] = 0

@@ -22,6 +22,15 @@ def expected(measured, mean, hope, forgotten):
     return f64(measured) + max(hope * mean - measured, 0.0) * forgotten
 
 
+@device
+def share_of_passes(held, done, passes, total):
+    """Which share of an item its next `passes` are, after `done` of `total`: see `Candidates.pass_shares`."""
+    if held <= 0.0:
+        return passes / total
+    others = held / (total - 1)
+    return passes * others if done > 0 else 1.0 - held + (passes - 1) * others
+
+
 @kernel
 def effect_means(measured, pixel_count, effect, guess, means):
     """means (4, E) float64 of every effect: over the pixels of the items that were measured, and of one more of mean size that has
@@ -66,8 +75,9 @@ def rank_steps(
         drift = expected(measured[DRIFT, i], means[DRIFT, e], 1.0, forgotten)
         strength = max(expected(measured[STRENGTH, i], means[STRENGTH, e], 1.0, forgotten), DARKEST_STRENGTH)
         # Values of earlier frames stay where a pass does not come; elsewhere gaps are filled, also between such values.
-        aged = share[i] * min(drift * age[i], change)
-        error = aged + (1.0 - share[i]) * (detail if share[i] >= 0.5 else change)
+        held = f64(share[i])
+        aged = held * min(drift * age[i], change)
+        error = aged + (1.0 - held) * (detail if held >= 0.5 else change)
         # The same mean is worth more where it is few large changes, by a power of their size.
         weight = importance[i] * pixel_count[i] * strength ** (power - 1.0)
         done = 0
@@ -76,13 +86,19 @@ def rank_steps(
             passes = step_passes[int(pixel_count[i] < small_pixels), step]
             if passes == 0:
                 break
+            part = share_of_passes(held, done, passes, total)
             done += passes
-            untraced = 1.0 - done / total
-            left = aged * untraced + (1.0 - share[i]) * detail * error_left[step] if done < total else 0.0
-            # No step may be worth more for its price than the one before it, or it would be asked for first.
-            best = min(best, max(error - left, 0.0) / passes)
+            left = 0.0
+            if done < total:
+                left = detail * error_left[step]
+                if held > 0.0:
+                    # The first pass was all that is missing; the others take the age from what is held.
+                    left = aged * (total - done) / (total - 1)
+            if part > 0.0:
+                # No step may be worth more for its price than the one before it, or it would be asked for first.
+                best = min(best, max(error - left, 0.0) / part)
             error = left
-            worth = weight * best * total / max(f64(cost[i]), 1e-30)
+            worth = weight * best / max(f64(cost[i]), 1e-30)
             if last_passes[keys[i]] >= done:
                 worth *= 1.0 + damping
             upper = np.uint64(0)
@@ -95,13 +111,15 @@ def rank_steps(
 
 @kernel
 def take_steps(
-    order, place, row_of_key, pixel_count, cost, small_pixels, step_passes, least_share, remaining, enough, row_of_item, taken
+    order, place, row_of_key, pixel_count, cost, share, given, small_pixels, step_passes, least_share, remaining, enough,
+    row_of_item, taken,
 ):  # fmt: skip
     """The steps from place[0] on that fit one after the other, until they cost `enough` together; others are passed over. A
     step of a large item of which `least_share` would fit is not: it is left for the caller, at place[0].
 
     order (s,) uint64 sorted numbers of `rank_steps`; row_of_key (key,) int32 candidates; taken (k, 2) int32 gets items and passes,
-    one row for all steps of an item; row_of_item (n,) int32 is -1 before and after. Returns how many rows there are.
+    one row for all steps of an item; given (n,) int32: passes handed out in this frame; row_of_item (n,) int32 is -1 before
+    and after. Returns how many rows there are.
     """
     count, planned = 0, 0.0
     total = step_passes[0].sum()
@@ -109,14 +127,15 @@ def take_steps(
         number = order[place[0]] & np.uint64(0xFFFFFFFF)
         item = row_of_key[number >> np.uint64(2)]
         passes = step_passes[int(pixel_count[item] < small_pixels), number & np.uint64(3)]
-        price = f64(cost[item]) * passes / total
+        price = f64(cost[item]) * share_of_passes(f64(share[item]), given[item], passes, total)
         if price > remaining - planned:
             if pixel_count[item] >= small_pixels and remaining - planned >= least_share * price:
                 break
             place[0] += 1
             continue
         place[0] += 1
-        planned += price
+        # A first pass of an item that is held whole is free, but an answer all the same.
+        planned += max(price, 1e-300)
         row = row_of_item[item]
         if row < 0:
             row = count
@@ -124,6 +143,7 @@ def take_steps(
             taken[row, 0], taken[row, 1] = item, 0
             count += 1
         taken[row, 1] += passes
+        given[item] += passes
     for row in range(count):
         row_of_item[taken[row, 0]] = -1
     return count

@@ -55,8 +55,9 @@ def take_fitting(cost, place, remaining, enough, taken):
 
 
 @kernel
-def take_passing(cost, line, state, remaining, enough, taken):
-    """One pass over a line of items of `cost` (n,) float64, as `take_fitting`; those that fit stay in the line for the next pass.
+def take_passing(cost, number, line, state, remaining, enough, taken):
+    """Pass `number` of a line of items, whose passes cost (n, PASSES) float64, as `take_fitting`; those that fit stay in the line
+    for the next pass.
 
     line (n,) int64: the first state[0] entries are in the line; state[1]: the place it is at; state[2]: how many were kept.
     Returns how many were taken.
@@ -65,8 +66,8 @@ def take_passing(cost, line, state, remaining, enough, taken):
     while state[1] < state[0] and planned < enough:
         item = line[state[1]]
         state[1] += 1
-        if cost[item] <= remaining - planned:
-            planned += cost[item]
+        if cost[item, number] <= remaining - planned:
+            planned += cost[item, number]
             taken[count] = item
             count += 1
             line[state[2]] = item

@@ -1,8 +1,8 @@
 """uniform: a little of everything.
 
-Every item gets one of its interleaved passes (one pixel of each 2x2 block) before any gets a second one, and so on: all
-effects are there at the same lower density. Mandatory items are traced whole, first. Where the budget ends within a pass, the
-more relevant items have it.
+Every item gets one of its passes (one pixel of each 2x2 block) before any gets a second one, and so on: all effects are there at
+the same lower density. Of items that hold values of earlier frames the first pass is what is missing. Mandatory items are
+traced whole, first. Where the budget ends within a pass, the more relevant items have it.
 
 Options: none.
 Source: levels of detail under a budget, Funkhouser and Sequin 1993, with all objects at the same level.
@@ -30,7 +30,7 @@ class Uniform(Heuristic):
         self._line = np.zeros(0, np.int64)
         self._state = np.zeros(3, np.int64)
         self._passes = 0
-        self._pass_cost = np.zeros(0)
+        self._pass_cost = np.zeros((0, PASSES))
 
     def begin_frame(self, candidates: Candidates, context: FrameContext) -> None:
         self._mandatory = Queue(candidates, -candidates.relevance, mandatory_only=True)
@@ -39,7 +39,7 @@ class Uniform(Heuristic):
         # In the line, the place it is at, and how many of those so far keep their place in the next pass.
         self._state = np.array([len(self._line), 0, 0])
         self._passes = 0
-        self._pass_cost = candidates.predicted_cost.astype(np.float64) / PASSES
+        self._pass_cost = candidates.predicted_cost.astype(np.float64)[:, None] * candidates.pass_shares()
 
     def next(self, remaining: float) -> Request | None:
         taken = self.take(remaining, 0.0)
@@ -52,7 +52,9 @@ class Uniform(Heuristic):
             self._mandatory = None
         taken = np.empty(len(self._line), np.int64)
         while self._passes < PASSES:
-            count = take_passing(self._pass_cost, self._line, self._state, remaining, max(enough, 1e-300), taken)
+            count = take_passing(
+                self._pass_cost, self._passes, self._line, self._state, remaining, max(enough, 1e-300), taken
+            )
             if count:
                 return np.stack([taken[:count], np.ones(count, np.int64)], axis=1)
             # The next pass is of those that had this one.

@@ -225,8 +225,15 @@ def test_a_heuristic_that_fails_is_switched_off_with_one_warning_and_the_frame_c
     assert len(caught) == 1
     assert decisions.chosen.tolist() == [True, False, False, False, False]
     assert np.all(layers.arrays["two_layer"][300:] == -1)
-    later, _ = run(effects, Picks([0, 1]), faults)
-    assert not later.chosen.any()
+    for budget in (math.inf, 1e6):
+        later, _ = run(effects, Picks([0, 1]), faults, budget)
+        assert not later.chosen.any()
+
+
+def test_a_heuristic_that_fails_under_a_budget_leaves_what_it_chose() -> None:
+    with pytest.warns(PhrtWarning, match="heuristic Picks returned item 7"):
+        decisions, _ = run(painters(), Picks([0, None, 7, 1]), budget=1e6)
+    assert decisions.chosen.tolist() == [True, False, False, False, False]
 
 
 @pytest.mark.parametrize(

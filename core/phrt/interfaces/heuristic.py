@@ -90,6 +90,15 @@ class Candidates:
     def __len__(self) -> int:
         return len(self.object_id)
 
+    def pass_shares(self) -> np.ndarray:
+        """(n, PASSES) float32, which share of its pixels, and so of its predicted cost, each pass of an item has, nearly: a
+        quarter; where it holds values of earlier frames, the first pass is all that is missing, the others are a third each of
+        what could be traced anew."""
+        shares = np.repeat(self.history_share[:, None] / np.float32(PASSES - 1), PASSES, axis=1)
+        shares[:, 0] = 1 - self.history_share
+        shares[self.history_share <= 0] = 1 / PASSES
+        return shares
+
     def keys(self) -> np.ndarray:
         """(n,) int64, one number per (object, effect): the same in every frame, and whatever the order of candidates and
         effects is. What ties are broken with, and what memory between frames is kept by."""
@@ -141,12 +150,13 @@ class Outcome:
 
 
 PASSES = 4
-"""An item's pixels come in this many interleaved passes, one pixel of each 2x2 block in each."""
+"""An item's pixels come in this many passes. They are interleaved, one pixel of each 2x2 block in each; but where the item
+holds values of earlier frames the first pass is all that is missing, and the others are what could be traced anew."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """Part of an item: the next `passes` of its interleaved passes that are not traced yet, 1 to PASSES.
+    """Part of an item: the next `passes` of its passes that are not traced yet, 1 to PASSES.
 
     One pass is a coarser effect: gaps between traced pixels are filled from their neighbours of the same object. The same
     item may be asked for again while passes are left (levels of detail, Funkhouser and Sequin 1993).
