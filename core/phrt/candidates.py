@@ -90,30 +90,41 @@ class WorkItems:
 
     @cached_property
     def passes(self) -> Passes:
-        """The passes of every unit. It must first be asked for before any part of a unit is traced; whole units may be."""
-        ends = np.zeros((len(self.units), PASSES), np.int64)
-        ordered = []
-        for effect, pixels in enumerate(self.pixels):
-            rows = np.flatnonzero(self.units.effect == effect)
-            out, own = np.empty_like(pixels), np.zeros((len(rows), PASSES), np.int64)
-            # Rows rounded up, so that few tables serve all frames.
-            numbers = _pass_numbers(self.width, (int(pixels.max(initial=0)) // self.width | 255) + 1)
-            order_units(
-                pixels, self.units.first[rows], self.units.count[rows], self.units.held[rows], numbers,
-                self.masks[effect] if self.masks else _NO_MASK, MASK_HISTORY, out, own,
-            )  # fmt: skip
-            ordered.append(out)
-            ends[rows] = own
-        return Passes(ordered, ends)
+        """The order in which parts of units are traced."""
+        return Passes(self)
 
 
-@dataclass(frozen=True)
 class Passes:
-    """pixels: as those of the work items, every unit's own in the order in which parts of it are traced; ends (m, PASSES)
-    int64: how many of them its first passes have together. See `order_units`."""
+    """The passes of units, found unit by unit when they are first asked for, and then kept: what is traced of a unit later
+    changes the masks that its order depends on.
 
-    pixels: list[np.ndarray]
-    ends: np.ndarray
+    pixels: as those of the work items, every unit's own in the order of `order_units`; ends (m, PASSES) int64: how many of
+    them its first passes have together. Both hold only for units that `find` was called with.
+    """
+
+    def __init__(self, work: WorkItems) -> None:
+        self._work = work
+        self._found = np.zeros(len(work.units), bool)
+        self.pixels = [np.empty_like(pixels) for pixels in work.pixels]
+        self.ends = np.zeros((len(work.units), PASSES), np.int64)
+
+    def find(self, units: np.ndarray) -> None:
+        """Find the passes of `units` (k,)."""
+        new = np.unique(units[~self._found[units]])
+        if not len(new):
+            return
+        self._found[new] = True
+        work, of_effect = self._work, self._work.units.effect[new]
+        for effect in np.unique(of_effect).tolist():
+            rows, pixels = new[of_effect == effect], work.pixels[effect]
+            own = np.zeros((len(rows), PASSES), np.int64)
+            # Rows rounded up, so that few tables serve all frames.
+            numbers = _pass_numbers(work.width, (int(pixels.max(initial=0)) // work.width | 255) + 1)
+            order_units(
+                pixels, work.units.first[rows], work.units.count[rows], work.units.held[rows], numbers,
+                work.masks[effect] if work.masks else _NO_MASK, MASK_HISTORY, self.pixels[effect], own,
+            )  # fmt: skip
+            self.ends[rows] = own
 
 
 _NO_MASK = np.zeros(0, np.uint8)

@@ -68,13 +68,23 @@ class Ledger:
         if not inside.all():
             return None
         start, size, limited = self.asked[items], self._size[items], pixels != ALL_PIXELS
-        if (self._passes[items] >= PASSES).any() or (limited & (start >= size)).any():
+        if (self._passes[items] >= PASSES).any():
             return None
-        last = np.minimum(np.where(limited, start * PASSES // size, self._passes[items]) + passes, PASSES)
+        # Requests for some pixels leave no trace, unless there are none left: or they could be made forever.
+        self._passes[items[limited & (start >= size)]] += 1
+        last = np.minimum(self._passed(items, start, limited) + passes, PASSES)
         stop = np.minimum(np.maximum(self._ends(items, last), start), start + np.minimum(pixels, size))
-        stop = np.where(limited, np.maximum(stop, start + 1), stop)
+        stop = np.where(limited, np.minimum(np.maximum(stop, start + 1), size), stop)
         parts = Parts(items.astype(np.int64), start, stop)
         return parts.rows(stop > start) if (stop <= start).any() else parts
+
+    def _passed(self, items: np.ndarray, start: np.ndarray, limited: np.ndarray) -> np.ndarray:
+        """(k,) int64, passes that were asked for before; of requests that are `limited` to some pixels, those that are done."""
+        passed = self._passes[items]
+        for row in np.flatnonzero(limited):
+            ends = [int(self._ends(items[row : row + 1], np.array([number]))[0]) for number in range(1, PASSES + 1)]
+            passed[row] = sum(end <= start[row] for end in ends)
+        return passed
 
     def _ends(self, items: np.ndarray, passes: np.ndarray) -> np.ndarray:
         """(k,) int64, pixels that the first `passes` (k,) of `items` have; nearly, where an item has several units."""
@@ -82,6 +92,7 @@ class Ledger:
         if (passes >= PASSES).all():
             return size
         if len(self.unit_rays) == len(self._size):
+            self._work.passes.find(items)
             return self._work.passes.ends[items, passes - 1]
         shares = np.cumsum(self._work.candidates.pass_shares()[items], axis=1)
         return np.ceil(shares[np.arange(len(items)), passes - 1] * size).astype(np.int64)

@@ -36,6 +36,7 @@ class UnitParts:
         whole, part = rows[self.whole[rows]], rows[~self.whole[rows]]
         pieces = [_gathered(work.pixels[effect], *self._ranges(work, whole))]
         if len(part):
+            work.passes.find(self.unit[part])
             pieces.append(_gathered(work.passes.pixels[effect], *self._ranges(work, part)))
         return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
 

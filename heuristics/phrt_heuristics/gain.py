@@ -97,13 +97,14 @@ class Gain(Heuristic):
 
     def _part(self, remaining: float) -> Request | None:
         """As much of the next step as fits."""
-        if self._place[0] == len(self._order):
-            return None
-        number = int(self._order[self._place[0]]) & 0xFFFFFFFF
-        self._place[0] += 1
-        item = int(self._row_of_key[number >> 2])
-        pixels = int(remaining * float(self._pixel_count[item]) / float(self._cost[item]))
-        return Request(item, int(STEPS[0, number & 3]), pixels)
+        while self._place[0] < len(self._order):
+            number = int(self._order[self._place[0]]) & 0xFFFFFFFF
+            self._place[0] += 1
+            item = int(self._row_of_key[number >> 2])
+            pixels = int(remaining * float(self._pixel_count[item]) / float(self._cost[item]))
+            if pixels >= 1:
+                return Request(item, int(STEPS[0, number & 3]), pixels)
+        return None
 
     def _take(self, remaining: float, enough: float) -> np.ndarray:
         """(k, 2) int32 items and passes, the next steps that fit."""

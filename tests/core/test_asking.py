@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from phrt.asking import Asking
 from phrt.candidates import WorkItems
 from phrt.errors import PhrtWarning, PluginError
 from phrt.faults import Faults
+from phrt.frame import MASK_HISTORY
 from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic, Request
 from phrt.ledger import Ledger
 
@@ -132,3 +134,28 @@ def test_one_that_never_returns_is_switched_off_and_named(monkeypatch: pytest.Mo
     with pytest.warns(PhrtWarning, match=r"heuristic Hangs did not return from next\(\) within 0.05 seconds; it is"):
         assert len(made.take(1e6, 1e6)) == 0
     assert len(made.take(1e6, 1e6)) == 0
+
+
+def test_pixels_of_an_item_that_has_none_left_are_not_asked_for_forever() -> None:
+    made, _ = asking(Says(*[Request(0, pixels=40)] * 8))
+    assert made.take(1e6, 1.0).stop.tolist() == [40]
+    with pytest.raises(PluginError, match="returned item 0: not one of 4, or twice"):
+        made.take(1e6, 1.0)
+
+
+def test_part_of_a_pass_and_the_rest_of_it() -> None:
+    made, _ = asking(Says(Request(3, 1, pixels=10), Request(3, 1, pixels=100), Request(3, 2)))
+    assert [made.take(1e6, 1.0).stop.tolist() for _ in range(3)] == [[10], [24], [48]]
+
+
+def test_what_is_missing_is_the_first_pass_and_what_is_held_the_others() -> None:
+    work = candidates([100.0], history_share=np.array([0.6], np.float32))
+    units = replace(units_of(work, [0]), held=np.array([60], np.int32))
+    mask = np.zeros(100, np.uint8)
+    mask[:60] = MASK_HISTORY
+    items = WorkItems(work, units, [np.arange(100, dtype=np.int32)], 10, [mask])
+    ledger = Ledger(items)
+    made = Asking(Says(*[Request(0, 1)] * 4), Faults(strict=True), ledger, context(1e6))
+    made.begin(work)
+    assert [made.take(1e6, 1.0).stop.tolist() for _ in range(4)] == [[40], [60], [80], [100]]
+    assert sorted(items.passes.pixels[0][:40].tolist()) == list(range(60, 100))

@@ -154,7 +154,6 @@ def test_history_leaves_less_to_gain_and_age_makes_it_more() -> None:
 
     assert order([1.0, 0.0], [1.0, 0.0]) == [1, 1], "nothing stands in for the second one"
     assert order([1.0, 1.0], [2.0, 9.0])[0] == 1, "the older one"
-    assert order([0.9, 0.5], [1.0, 1.0])[0] == 1, "more is missing of the second one"
 
 
 def test_mandatory_items_come_first_even_if_they_change_nothing() -> None:

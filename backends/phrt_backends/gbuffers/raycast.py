@@ -165,7 +165,8 @@ class RaycastProducer(GBufferProducer):
             # Behind holes, culled faces and what is hidden.
             index = np.flatnonzero(passed)
             rays, step = continued(rays, hits.distance, index)
-            travelled = travelled[index] + step - hits.distance[index]
+            with np.errstate(invalid="ignore"):  # a hit as far away as numbers go has nothing behind it
+                travelled = travelled[index] + step - hits.distance[index]
             hits, target = self._tracer.closest_hit(rays), target[index]
             order = np.arange(len(index), dtype=np.int32)
             travelled += hits.distance

@@ -83,6 +83,7 @@ def test_built_in_plugins_are_all_there() -> None:
     assert names["effect"] == ["shadows", "reflections", "refractions", "ambient_occlusion"]
     assert names["heuristic"] == [
         "all_trace",
+        "gain",
         "greedy_ratio",
         "greedy_relevance",
         "random",
