@@ -207,7 +207,7 @@ def _renderer(
 ) -> Iterator[Renderer]:
     with Renderer(
         scene, size=size, threads=threads, gbuffer="raycast", tracer="embree", heuristic=heuristic,
-        effects=rules.effects, history=rules.history, strict=True, **more,
+        effects=rules.effects, history=rules.history, remember_costs=False, strict=True, **more,
     ) as renderer:  # fmt: skip
         yield renderer
 
