@@ -120,8 +120,9 @@ class Passes:
             own = np.zeros((len(rows), PASSES), np.int64)
             # Rows rounded up, so that few tables serve all frames.
             numbers = _pass_numbers(work.width, (int(pixels.max(initial=0)) // work.width | 255) + 1)
+            held = work.units.held[rows] if work.masks else np.zeros(len(rows), np.int32)
             order_units(
-                pixels, work.units.first[rows], work.units.count[rows], work.units.held[rows], numbers,
+                pixels, work.units.first[rows], work.units.count[rows], held, numbers,
                 work.masks[effect] if work.masks else _NO_MASK, MASK_HISTORY, self.pixels[effect], own,
             )  # fmt: skip
             self.ends[rows] = own

@@ -97,14 +97,13 @@ class Gain(Heuristic):
 
     def _part(self, remaining: float) -> Request | None:
         """As much of the next step as fits."""
-        while self._place[0] < len(self._order):
-            number = int(self._order[self._place[0]]) & 0xFFFFFFFF
-            self._place[0] += 1
-            item = int(self._row_of_key[number >> 2])
-            pixels = int(remaining * float(self._pixel_count[item]) / float(self._cost[item]))
-            if pixels >= 1:
-                return Request(item, int(STEPS[0, number & 3]), pixels)
-        return None
+        if self._place[0] == len(self._order):
+            return None
+        number = int(self._order[self._place[0]]) & 0xFFFFFFFF
+        self._place[0] += 1
+        item = int(self._row_of_key[number >> 2])
+        pixels = int(remaining * float(self._pixel_count[item]) / float(self._cost[item]))
+        return Request(item, int(STEPS[0, number & 3]), pixels) if pixels >= 1 else None
 
     def _take(self, remaining: float, enough: float) -> np.ndarray:
         """(k, 2) int32 items and passes, the next steps that fit."""
