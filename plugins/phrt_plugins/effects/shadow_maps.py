@@ -47,9 +47,7 @@ class ShadowMaps:
         """(n, L) float32 share of every light at `pixels`, by lookup."""
         return self.visibility_of(frame, frame.surfaces, frame.direct, pixels)
 
-    def visibility_of(
-        self, frame: Frame, surfaces: SurfaceArrays, direct: np.ndarray, rows: np.ndarray
-    ) -> np.ndarray:
+    def visibility_of(self, frame: Frame, surfaces: SurfaceArrays, direct: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """(n, L) float32 share of every light at points `rows` of any surfaces; 1 where its direct light (s, L, 3) is black."""
         lights = frame.world.lights
         out = np.ones((len(rows), len(lights)), np.float32)
