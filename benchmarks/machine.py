@@ -5,21 +5,11 @@ from __future__ import annotations
 import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 
+from phrt.machine import cpu_model
 from phrt.workers import usable_cores
 
 PACKAGES = ("phrt", "numpy", "numba", "llvmlite", "embreex", "open3d", "moderngl")
-
-
-def cpu_model() -> str:
-    """The processor's name, as far as the system tells."""
-    cpuinfo = Path("/proc/cpuinfo")
-    if cpuinfo.exists():
-        for line in cpuinfo.read_text(encoding="utf-8", errors="replace").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
 
 
 def installed(package: str) -> str | None:

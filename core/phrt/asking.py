@@ -118,11 +118,9 @@ class Asking:
         table = np.array(rows, np.int64).reshape(-1, 3)
         return table[:, 0], table[:, 1], table[:, 2]
 
-    def _as_request(self, answer: object) -> tuple[int, int, int] | None:
-        request = answer if isinstance(answer, Request) else None
+    def _as_request(self, answer: int | Request) -> tuple[int, int, int] | None:
+        request = answer if isinstance(answer, Request) else Request(answer)
         try:
-            if request is None:
-                return operator.index(answer), PASSES, ALL_PIXELS  # type: ignore[arg-type]
             pixels = ALL_PIXELS if request.pixels is None else operator.index(request.pixels)
             return operator.index(request.item), operator.index(request.passes), pixels
         except TypeError:

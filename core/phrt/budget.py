@@ -41,9 +41,10 @@ class Budget:
 UNLIMITED = Budget()
 
 
-def parse_budget(given: str | Budget | None, name: str = "budget") -> Budget:
+def parse_budget(given: object, name: str = "budget") -> Budget:
     """ "50ms" (also frame:50ms, 0.05s) is a time for the whole frame, "rays:20ms" one for its ray phase, "200000rays" (digits
-    may be grouped: 200_000rays) a number of rays, "none" and None no limit. Nothing is traced with 0rays and rays:0ms.
+    may be grouped: 200_000rays) a number of rays, "none" and None no limit. Nothing is traced with 0rays and rays:0ms. A Budget
+    is itself.
 
     Raises OptionError that calls the option `name`.
     """

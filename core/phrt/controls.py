@@ -87,7 +87,7 @@ def _checked(name: str, value: object, scene: Scene) -> object:
         return None
     match name:
         case "budget":
-            return parse_budget(value, "budget")  # type: ignore[arg-type]
+            return parse_budget(value)
         case "persistence" | "view_speed":
             return not_negative(name, value)
         case "situation":
@@ -148,5 +148,5 @@ def in_force(given: Controls, track: Sequence[ControlKey], time: float, scene: S
     settled: dict[str, object] = {"situation": scene.situation}
     for controls in (*(key.controls for key in track if key.time <= time), given):
         settled |= {name: value for name in FIELDS if (value := getattr(controls, name)) is not None}
-    settled["budget"] = parse_budget(settled.get("budget"))  # type: ignore[arg-type]
+    settled["budget"] = parse_budget(settled.get("budget"))
     return Conditions(**settled)  # type: ignore[arg-type]

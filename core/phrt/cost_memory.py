@@ -9,13 +9,13 @@ from __future__ import annotations
 import json
 import math
 import os
-import platform
 import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
 
 from phrt.errors import OptionError
+from phrt.machine import machine_name
 from phrt.output.files import complete_file
 
 KEPT_RUNS = 64
@@ -39,7 +39,7 @@ def cache_folder() -> Path:
 
 def run_key(scene: str, tracer: str, threads: int) -> str:
     """What makes costs comparable: the machine, the tracer and its threads, and the scene."""
-    return f"{platform.node()} {platform.machine()} | {tracer} x{threads} | {scene}"
+    return f"{machine_name()} | {tracer} x{threads} | {scene}"
 
 
 def recall(key: str) -> Coefficients:

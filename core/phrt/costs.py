@@ -117,11 +117,6 @@ class CostModels:
         """Was anything measured yet?"""
         return self._paper_units > 0
 
-    @property
-    def ms_per_ray(self) -> float:
-        """What a ray takes on average over the effects, roughly."""
-        return float(np.mean([fit.per_ray for fit in self._fits])) if self._fits else DEFAULT_MS_PER_RAY
-
     def coefficients(self) -> dict[str, dict[str, float]]:
         """By effect name: ms_per_item, ms_per_ray. What `warm` takes."""
         return {
