@@ -1,1 +1,1 @@
-"""What a G-buffer producer, a tracer, an effect, a heuristic and a loader are. Nothing here knows a backend."""
+"""What a G-buffer producer, a tracer, an effect, a heuristic, a loader and a metric are. Nothing here knows a backend."""

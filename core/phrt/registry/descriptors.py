@@ -86,7 +86,7 @@ class LoaderPlugin(Plugin):
 
 @dataclass(frozen=True)
 class MetricPlugin(Plugin):
-    """Makes an image metric, for the harness that compares heuristics; nothing asks for one yet."""
+    """Makes a `phrt.interfaces.metric.Metric`, for the harness that compares heuristics. Its manual page names its columns."""
 
 
 @dataclass(frozen=True)
