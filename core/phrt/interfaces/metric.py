@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -76,7 +76,7 @@ class RunFrames:
         return len(self.columns["step"])
 
     def follows(self) -> np.ndarray:
-        """(n,) bool: was the frame rendered right after the one in the row above, by the same renderer? False for a block's first."""
+        """(n,) bool: was the frame rendered right after the one in the row above? False for a block's first."""
         step = np.asarray(self.columns["step"])
         return np.concatenate([np.zeros(min(len(step), 1), bool), np.diff(step) == 1])
 
@@ -92,7 +92,10 @@ class Metric(ABC):
     name: str = "?"
     """What the registry calls it; whoever makes it through the registry sets it."""
 
-    columns: tuple[Column, ...] = ()
+    @property
+    @abstractmethod
+    def columns(self) -> tuple[Column, ...]:
+        """What it finds; a class attribute will do."""
 
     def of_shot(self, shot: Shot) -> Mapping[str, float]:
         """The columns of scope "shot" for one judged frame."""
