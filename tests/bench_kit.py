@@ -229,15 +229,14 @@ def write_candidates(folder: Path, template: Path, plan: Plan, block: int) -> No
     import pyarrow.parquet as parquet
 
     table = parquet.read_table(template / "candidates.parquet")
-    step = np.asarray(table.column("step"))
-    parts = []
-    for number, frame in enumerate(plan.frames(block)):
-        part = table.filter(arrow.array(step == frame % TEMPLATE_FRAMES))
-        for name, value, kind in (("step", number, arrow.int32()), ("frame", frame, arrow.int64())):
-            values = arrow.array([value] * part.num_rows, kind)
-            part = part.set_column(part.schema.get_field_index(name), name, values)
-        parts.append(part)
-    parquet.write_table(arrow.concat_tables(parts).unify_dictionaries(), folder / "candidates.parquet")
+    step, numbers = np.asarray(table.column("step")), plan.frames(block)
+    rows = [np.flatnonzero(step == number % TEMPLATE_FRAMES) for number in numbers]
+    counts = [len(row) for row in rows]
+    table = table.take(np.concatenate(rows))
+    for name, values, kind in (("step", np.arange(len(numbers)), np.int32), ("frame", np.array(numbers), np.int64)):
+        column = arrow.array(np.repeat(values.astype(kind), counts))
+        table = table.set_column(table.schema.get_field_index(name), name, column)
+    parquet.write_table(table, folder / "candidates.parquet")
 
 
 def write_measures(folder: Path, plan: Plan, cell: dict[str, Any], block: int) -> None:
