@@ -1,15 +1,18 @@
-"""The built-in effects and loaders: descriptors only, nothing heavy is imported."""
+"""The built-in effects, loaders and metrics: descriptors only, nothing heavy is imported."""
 
 from __future__ import annotations
 
-from phrt.registry import EffectPlugin, LoaderPlugin, hookimpl
+from phrt.registry import EffectPlugin, LoaderPlugin, MetricPlugin, hookimpl
 from phrt_plugins.effects.options import (
     AmbientOcclusionOptions,
     ReflectionsOptions,
     RefractionsOptions,
     ShadowsOptions,
 )
-from phrt_plugins.loaders.options import AtriumOptions, GltfOptions, MeshOptions
+from phrt_plugins.loaders.availability import simplification_unavailable
+from phrt_plugins.loaders.options import AtriumOptions, GltfOptions, MeshOptions, SimplifiedOptions
+from phrt_plugins.metrics.options import FlipOptions, RelMseOptions
+from phrt_plugins.metrics.packages import flip_reason, ssim_reason
 
 
 @hookimpl
@@ -68,5 +71,67 @@ def phrt_loaders() -> list[LoaderPlugin]:
             summary="A colonnaded two-storey courtyard, made from parameters.",
             factory="phrt_plugins.loaders.atrium:AtriumLoader",
             options=AtriumOptions,
+        ),
+        LoaderPlugin(
+            name="simplified",
+            summary="What another loader reads, with a share of its triangles.",
+            factory="phrt_plugins.loaders.simplify:SimplifiedLoader",
+            options=SimplifiedOptions,
+            unavailable_reason=simplification_unavailable,
+        ),
+    ]
+
+
+@hookimpl
+def phrt_metrics() -> list[MetricPlugin]:
+    return [
+        MetricPlugin(
+            name="flip",
+            summary="The difference that a viewer sees, pictures shown in turns: mean FLIP.",
+            factory="phrt_plugins.metrics.flip:Flip",
+            options=FlipOptions,
+            unavailable_reason=flip_reason,
+        ),
+        MetricPlugin(
+            name="ssim",
+            summary="How much of the structure of the reference is there.",
+            factory="phrt_plugins.metrics.ssim:Ssim",
+            unavailable_reason=ssim_reason,
+        ),
+        MetricPlugin(
+            name="psnr",
+            summary="Peak signal-to-noise ratio of the displays.",
+            factory="phrt_plugins.metrics.psnr:Psnr",
+        ),
+        MetricPlugin(
+            name="relmse",
+            summary="Squared error relative to the reference, in linear light.",
+            factory="phrt_plugins.metrics.relmse:RelMse",
+            options=RelMseOptions,
+        ),
+        MetricPlugin(
+            name="error",
+            summary="Mean absolute difference of the displays.",
+            factory="phrt_plugins.metrics.error:DisplayError",
+        ),
+        MetricPlugin(
+            name="temporal",
+            summary="Change from frame to frame that is not the reference's: flicker, lag, popping.",
+            factory="phrt_plugins.metrics.temporal:Temporal",
+        ),
+        MetricPlugin(
+            name="pacing",
+            summary="Are frames in time, and how evenly do they come?",
+            factory="phrt_plugins.metrics.pacing:Pacing",
+        ),
+        MetricPlugin(
+            name="flips",
+            summary="How often decisions change from one frame to the next.",
+            factory="phrt_plugins.metrics.flips:Flips",
+        ),
+        MetricPlugin(
+            name="costs",
+            summary="How far off the predictions of the cost models are.",
+            factory="phrt_plugins.metrics.costs:Costs",
         ),
     ]

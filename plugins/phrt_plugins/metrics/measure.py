@@ -1,0 +1,207 @@
+"""Measuring with metrics, whoever wrote them: making them by name, and containing what they do wrong.
+
+metrics = make_metrics(["flip", "pacing"])
+values = measure_shots(metrics, shots)      # {"flip": (n,) float64, ...}, a row a shot
+totals = measure_run(metrics, frames)       # {"fps": 19.8, ...}
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
+from numbers import Real
+from typing import get_args
+
+import numpy as np
+
+from phrt.errors import OptionError, PhrtWarning, PluginError, did_you_mean
+from phrt.interfaces.metric import Better, Column, Metric, RunFrames, Scope, Shot, Statistic
+from phrt.registry.manager import describe, get_registry
+from phrt_plugins.metrics.pictures import SMALLEST_SIDE
+
+RESERVED = ("frame",)
+"""Columns that tables of measures have anyway."""
+COLUMN_NAME = re.compile(r"[a-z][a-z0-9_]*")
+
+
+def make_metrics(
+    names: Sequence[str] | None = None, options: Mapping[str, Mapping[str, object]] | None = None
+) -> list[Metric]:
+    """Metrics by name; None makes every one that is available here, with a PhrtWarning for each that is not. options: by
+    metric, then by option.
+
+    Raises PluginError where one is unknown, unavailable or no metric, or two claim a column; OptionError for a wrong
+    option, options of a metric that is not asked for, and a name that is there twice.
+    """
+    wanted = available_metrics() if names is None else list(names)
+    given = dict(options or {})
+    if twice := sorted({name for name in wanted if wanted.count(name) > 1}):
+        raise OptionError(f"metrics are named twice: {', '.join(twice)}")
+    for name in given:
+        if name not in wanted:
+            raise OptionError(
+                f"there are options for metric '{name}', which is not among those asked for: "
+                f"{', '.join(wanted) or 'none'}.{did_you_mean(name, wanted)}"
+            )
+    metrics = [make_metric(name, given.get(name, {})) for name in wanted]
+    all_columns(metrics)
+    return metrics
+
+
+def available_metrics() -> list[str]:
+    """Names of all metrics that can be made here; a PhrtWarning says which cannot, and what to install."""
+    reasons = {entry.name: entry.unavailable_reason() for entry in get_registry().plugins("metric")}
+    for name, reason in reasons.items():
+        if reason:
+            warnings.warn(PhrtWarning(f"metric '{name}' is left out: {reason}"), stacklevel=3)
+    return [name for name, reason in reasons.items() if not reason]
+
+
+def make_metric(name: str, options: Mapping[str, object]) -> Metric:
+    """One metric, its columns checked. Raises PluginError and OptionError."""
+    made = get_registry().create("metric", name, options)
+    if not isinstance(made, Metric):
+        raise PluginError(f"metric '{name}' is broken: its factory makes {made!r}, no phrt.interfaces.metric.Metric")
+    made.name = name
+    for column in made.columns:
+        if problem := column_problem(column):
+            raise PluginError(f"metric '{name}' is broken: {problem}")
+    return made
+
+
+def column_problem(column: object) -> str | None:
+    """None, or what is wrong with what a metric calls a column."""
+    if not isinstance(column, Column):
+        return f"its column {column!r} is no phrt.interfaces.metric.Column"
+    if not COLUMN_NAME.fullmatch(column.name) or column.name in RESERVED:
+        return (
+            f"a column cannot be called '{column.name}'; names are lower case letters, digits and underscores, "
+            f"and not {', '.join(RESERVED)}"
+        )
+    for field, allowed in (("better", Better), ("statistic", Statistic), ("scope", Scope)):
+        if getattr(column, field) not in get_args(allowed):
+            given = getattr(column, field)
+            return f"column '{column.name}' has {field} {given!r}; allowed: {', '.join(get_args(allowed))}"
+    return None
+
+
+def all_columns(metrics: Iterable[Metric], scope: Scope | None = None) -> list[Column]:
+    """The columns of all metrics in order, of one scope or of both. Raises PluginError where two have the same name."""
+    owners: dict[str, str] = {}
+    found = []
+    for metric in metrics:
+        for column in metric.columns:
+            if column.name in owners:
+                both = f"metric '{owners[column.name]}' and metric '{metric.name}'"
+                raise PluginError(f"column '{column.name}' is there twice: of {both}. Leave one of them out")
+            owners[column.name] = metric.name
+            found.append(column)
+    return [column for column in found if scope is None or column.scope == scope]
+
+
+def measure_shots(metrics: Sequence[Metric], shots: Iterable[Shot]) -> dict[str, np.ndarray]:
+    """(n,) float64 by column of scope "shot", a row a shot; NaN where a column does not apply, or its metric failed.
+
+    A metric that raises, or returns what is no measure, costs one PhrtWarning that names it. Raises PluginError for a
+    column that is there twice, ValueError for a shot that is none.
+    """
+    columns: dict[str, list[float]] = {column.name: [] for column in all_columns(metrics, "shot")}
+    judges = [metric for metric in metrics if any(column.scope == "shot" for column in metric.columns)]
+    failures: dict[str, list[str]] = {}
+    count = 0
+    for shot in shots:
+        check_shot(shot)
+        count += 1
+        for metric in judges:
+            found, reason = contained(metric, "shot", partial(metric.of_shot, shot))
+            if reason:
+                failures.setdefault(metric.name, []).append(f"frame {shot.index}: {reason}")
+            for name, value in found.items():
+                columns[name].append(value)
+    for name, reasons in failures.items():
+        warnings.warn(
+            PhrtWarning(
+                f"metric '{name}' failed in {len(reasons)} of {count} judged frames and is left out there; {reasons[0]}"
+            ),
+            stacklevel=2,
+        )
+    return {name: np.array(values, np.float64) for name, values in columns.items()}
+
+
+def measure_run(metrics: Sequence[Metric], frames: RunFrames) -> dict[str, float]:
+    """Every column of scope "run"; NaN where it does not apply, or its metric failed, with one PhrtWarning that names it.
+
+    Raises PluginError for a column that is there twice.
+    """
+    all_columns(metrics, "run")
+    values: dict[str, float] = {}
+    for metric in metrics:
+        if not any(column.scope == "run" for column in metric.columns):
+            continue
+        found, reason = contained(metric, "run", partial(metric.of_run, frames))
+        values |= found
+        if reason:
+            warnings.warn(PhrtWarning(f"metric '{metric.name}' failed and is left out: {reason}"), stacklevel=2)
+    return values
+
+
+def contained(metric: Metric, scope: Scope, measure: Callable[[], object]) -> tuple[dict[str, float], str | None]:
+    """What `measure` says of each column of a metric's scope, NaN where it says nothing; and None, or why it failed."""
+    empty = {column.name: float("nan") for column in metric.columns if column.scope == scope}
+    try:
+        return empty | checked_measures(measure(), list(empty)), None
+    except (Exception, SystemExit) as error:
+        return empty, describe(error)
+
+
+def checked_measures(found: object, names: Sequence[str]) -> dict[str, float]:
+    """What a metric returned as finite numbers or NaN. Raises ValueError for anything else."""
+    if not isinstance(found, Mapping):
+        raise ValueError(f"it returned {type(found).__name__}, no mapping of columns")
+    for name, value in found.items():
+        if name not in names:
+            raise ValueError(f"it returned the column {name!r}, which is none of {', '.join(names)}")
+        if not isinstance(value, Real):
+            raise ValueError(f"its column '{name}' is {value!r}, no number")
+        if math.isinf(value):
+            raise ValueError(f"its column '{name}' is infinite")
+    return {name: float(value) for name, value in found.items()}
+
+
+def check_size(size: tuple[int, int]) -> None:
+    """Raises OptionError where pictures of `size` (width, height) are too small to be judged."""
+    if min(size) < SMALLEST_SIDE:
+        raise OptionError(
+            f"size is {size[0]}x{size[1]}; pictures are judged from {SMALLEST_SIDE}x{SMALLEST_SIDE} pixels on"
+        )
+
+
+def check_shot(shot: Shot) -> None:
+    """Raises ValueError where the arrays of a shot, or of the one before, are not what `Shot` says."""
+    if min(shot.display.shape[:2]) < SMALLEST_SIDE:
+        raise ValueError(
+            f"the pictures of frame {shot.index} have shape {shot.display.shape}; "
+            f"they are judged from {SMALLEST_SIDE}x{SMALLEST_SIDE} pixels on"
+        )
+    shape = (*shot.display.shape[:2], 3)
+    for each in (shot, shot.previous):
+        if each is None:
+            continue
+        for name, kinds in (
+            ("image", (np.float32, np.float64)), ("display", (np.uint8,)),
+            ("reference", (np.float32, np.float64)), ("reference_display", (np.uint8,)),
+        ):  # fmt: skip
+            check_array(f"{name} of frame {each.index}", getattr(each, name), shape, kinds)
+    check_array(f"changeable of frame {shot.index}", shot.changeable, shape[:2], (np.bool_,))
+    if shot.motion is not None:
+        check_array(f"motion of frame {shot.index}", shot.motion, (*shape[:2], 2), (np.float16, np.float32, np.float64))
+
+
+def check_array(name: str, array: np.ndarray, shape: tuple[int, ...], kinds: Sequence[type]) -> None:
+    """Raises ValueError where `array` has another shape, or none of these dtypes."""
+    if array.shape != shape or array.dtype not in kinds:
+        allowed = " or ".join(np.dtype(kind).name for kind in kinds)
+        raise ValueError(f"{name} is {array.shape} {array.dtype}; expected {shape} {allowed}")
