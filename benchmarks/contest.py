@@ -25,6 +25,8 @@ from phrt.errors import PhrtWarning
 from phrt.frame import Decisions, FrameResult
 from phrt.output.tonemap import to_8bit
 from phrt.registry import get_registry
+from phrt_plugins.metrics.costs import relative_errors, traced_share
+from phrt_plugins.metrics.flips import flips_between
 
 Progress = Callable[[str], None]
 WARM_UP = 30
@@ -144,13 +146,9 @@ def flips(earlier: Decisions | None, now: Decisions) -> dict[str, float]:
     """How many items that both frames see were traced in one and not in the other, and their share of such items' pixels."""
     if earlier is None:
         return {"flips": 0.0, "flipped_area": 0.0}
-    _, before, after = np.intersect1d(
-        earlier.candidates.keys(), now.candidates.keys(), assume_unique=True, return_indices=True
-    )
-    changed = earlier.chosen[before] != now.chosen[after]
-    pixels = now.candidates.pixel_count[after].astype(np.float64)
-    share = float(pixels[changed].sum() / pixels.sum()) if len(pixels) else 0.0
-    return {"flips": float(changed.sum()), "flipped_area": share}
+    before, work = earlier.candidates, now.candidates
+    count, share = flips_between(before.keys(), earlier.chosen, work.keys(), now.chosen, work.pixel_count)
+    return {"flips": count, "flipped_area": share}
 
 
 def prediction_errors(decisions: Decisions) -> tuple[dict[str, float], dict[str, np.ndarray]]:
@@ -159,8 +157,8 @@ def prediction_errors(decisions: Decisions) -> tuple[dict[str, float], dict[str,
     Predictions are for whole items; of a partly traced one the share of its pixels counts. NaN where nothing was traced.
     """
     work = decisions.candidates
-    traced = (decisions.traced_pixels > 0) & (decisions.rays > 0)
-    share = decisions.traced_pixels[traced] / np.maximum(work.pixel_count[traced], 1)
+    share = traced_share(decisions.traced_pixels, work.pixel_count, decisions.rays)
+    traced = share > 0
     pairs = {
         "rays": (work.predicted_rays, decisions.rays),
         "paper": (work.predicted_ms_paper, decisions.milliseconds),
@@ -168,10 +166,9 @@ def prediction_errors(decisions: Decisions) -> tuple[dict[str, float], dict[str,
     }
     totals, items = {}, {}
     for name, (predicted, actual) in pairs.items():
-        expected, took = predicted[traced] * share, actual[traced].astype(np.float64)
-        sum_took = float(took.sum())
-        totals[f"error_{name}"] = abs(float(expected.sum()) - sum_took) / sum_took if sum_took > 0 else np.nan
-        items[name] = (np.abs(expected - took) / took)[took > 0]
+        expected, took = (predicted * share)[traced], actual[traced]
+        totals[f"error_{name}"] = float(relative_errors(expected.sum(), took.sum()))
+        items[name] = relative_errors(expected, took)[took > 0]
     return totals, items
 
 

@@ -47,7 +47,8 @@ class Costs(Metric):
     def of_run(self, frames: RunFrames) -> dict[str, float]:
         wanted = ("pixel_count", "traced_pixels", "rays", "milliseconds", *MODELS.values())
         rows, table = candidates_by_frame(frames, wanted)
-        share, took = traced_share(table), table["milliseconds"].astype(np.float64)
+        share = traced_share(table["traced_pixels"], table["pixel_count"], table["rays"])
+        took = table["milliseconds"].astype(np.float64)
         actual = per_frame(rows, np.where(share > 0, took, 0.0), len(frames))
         found = {}
         for name, prediction in MODELS.items():
@@ -58,10 +59,9 @@ class Costs(Metric):
         return found
 
 
-def traced_share(table: dict[str, np.ndarray]) -> np.ndarray:
-    """(m,) float64, which share of its pixels was traced of each item: predictions are for whole items. 0 where no ray was."""
-    share = table["traced_pixels"] / np.maximum(table["pixel_count"], 1)
-    return np.where(table["rays"] > 0, share, 0.0)
+def traced_share(traced_pixels: np.ndarray, pixel_count: np.ndarray, rays: np.ndarray) -> np.ndarray:
+    """(m,) float64, which share of its pixels was traced of each item, as predictions are for whole items; 0 where no ray was."""
+    return np.where(rays > 0, traced_pixels / np.maximum(pixel_count, 1), 0.0)
 
 
 def per_frame(rows: np.ndarray, values: np.ndarray, frames: int) -> np.ndarray:
