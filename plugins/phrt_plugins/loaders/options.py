@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -72,3 +72,13 @@ class MeshOptions(Options):
     max_texture_size: int = Field(
         default=8192, ge=1, le=16384, description="Textures wider or higher than this are made smaller when read."
     )
+
+
+class SimplifiedOptions(Options):
+    """Options of the loader that simplifies what another loader reads."""
+
+    share: float = Field(default=0.25, gt=0.0, le=1.0, description="Share of its triangles that every mesh keeps.")
+    of: str | None = Field(
+        default=None, description="The other loader by name; by default the one that reads files like this one."
+    )
+    options: dict[str, Any] = Field(default_factory=dict, description="Options of the other loader.")
