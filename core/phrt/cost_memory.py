@@ -42,6 +42,33 @@ def run_key(scene: str, tracer: str, threads: int) -> str:
     return f"{machine_name()} | {tracer} x{threads} | {scene}"
 
 
+class CostMemory:
+    """What a renderer begins its runs with, read once, and what it leaves for the next one, written once.
+
+    key: as of `run_key`; None remembers nothing.
+    """
+
+    def __init__(self, key: str | None) -> None:
+        self._key = key
+        self._found: Coefficients | None = None
+        self._learnt: Coefficients = {}
+
+    def known(self) -> Coefficients:
+        """What earlier renderers left, as it was when this was first asked for: no run begins with what another one learnt here."""
+        if self._found is None:
+            self._found = recall(self._key) if self._key else {}
+        return self._found
+
+    def keep(self, coefficients: Coefficients) -> None:
+        """A run is over that measured `coefficients`: those of the last one count."""
+        self._learnt = coefficients
+
+    def write(self) -> None:
+        """Leave what was kept, if anything was."""
+        if self._key and self._learnt:
+            remember(self._key, self._learnt)
+
+
 def recall(key: str) -> Coefficients:
     """By effect name what `CostModels.warm` takes; empty where nothing is known."""
     entry = _read().get(key, {})

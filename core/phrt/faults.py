@@ -41,6 +41,11 @@ class Faults:
             f"{error}; it is switched off, and what it did not choose takes the fallbacks", PhrtWarning, stacklevel=3
         )
 
+    @property
+    def any_fallback_lost(self) -> bool:
+        """Did an effect fail in preparing or giving its fallback?"""
+        return bool(self._without_fallback)
+
     def is_off(self, effect: RayEffect) -> bool:
         """Did the effect fail? Then it is not traced any more."""
         return effect.name in self._off

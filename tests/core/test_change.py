@@ -15,6 +15,7 @@ from phrt.exploration import MeasuredChange
 from phrt.frame import FrameResult
 from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic
 from phrt.kernels.change import display_change
+from phrt.sample import learn_change
 
 SIZE = (48, 32)  # so few pixels that all are sampled
 EFFECTS = ("shadows", "reflections", "refractions")
@@ -149,14 +150,14 @@ def test_items_of_other_sizes_are_measured_too(group_by: Any) -> None:
     assert known.measured_change[floor_row] == pytest.approx(column(plain, "measured_change", "shadows", 1), rel=1e-4)
 
 
-def test_drift_is_the_change_against_the_value_of_an_earlier_frame() -> None:
+def test_drift_is_the_change_against_the_value_of_an_earlier_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     """A light that jumps: what a shadow lacks is measured against where it was. The renderer would not keep such a value."""
     found: list[MeasuredChange] = []
     scene = room().scene
     with phrt.Renderer(scene, heuristic=Only(*EFFECTS), **options()) as renderer:
-        faults = renderer._faults
+        faults = renderer.run.faults
 
-        def spy(frame: Any, work: Any, sample: Any, decisions: Any, layers: Any, image: Any) -> None:
+        def spy(_: Any, frame: Any, work: Any, sample: Any, decisions: Any, layers: Any, image: Any) -> None:
             effect = renderer.effects[sample.effect]
             if effect.name != "shadows":
                 return
@@ -169,7 +170,7 @@ def test_drift_is_the_change_against_the_value_of_an_earlier_frame() -> None:
             fresh = type(sample)(sample.effect, sample.rows, sample.unit, earlier, np.zeros_like(sample.age))
             found.append(measure_change(frame, effect, fresh, traced, layers, image, 1.0, faults))
 
-        renderer._learn_change = spy  # type: ignore[method-assign]
+        monkeypatch.setattr("phrt.sample.learn_change", spy)
         for _ in range(3):
             renderer.render()
     aged, fresh = found
@@ -179,16 +180,15 @@ def test_drift_is_the_change_against_the_value_of_an_earlier_frame() -> None:
     assert aged.pixels.sum() == aged.change.sum() == fresh.drift.sum() == 0
 
 
-def test_effects_take_turns_by_name() -> None:
+def test_effects_take_turns_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
     turns: list[str] = []
     with phrt.Renderer(room().scene, heuristic=Only(*EFFECTS), **options()) as renderer:
-        learn = renderer._learn_change
 
-        def spy(frame: Any, work: Any, sample: Any, *rest: Any) -> None:
-            turns.append(renderer.effects[sample.effect].name)
-            learn(frame, work, sample, *rest)
+        def spy(made: Any, frame: Any, work: Any, sample: Any, *rest: Any) -> None:
+            turns.append(made.effects[sample.effect].name)
+            learn_change(made, frame, work, sample, *rest)
 
-        renderer._learn_change = spy  # type: ignore[method-assign]
+        monkeypatch.setattr("phrt.sample.learn_change", spy)
         for _ in range(4):
             renderer.render()
     assert turns == ["reflections", "refractions", "shadows", "reflections"]

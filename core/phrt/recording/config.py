@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel
 
-from phrt.budget import Budget
 from phrt.clock import beneath
 from phrt.interfaces.effect import RayEffect
 from phrt.interfaces.heuristic import Heuristic
@@ -35,17 +34,16 @@ def resolved_config(renderer: Renderer) -> dict[str, Any]:
     config["seed"] = "frame number * aa + sample; a heuristic's own is among its options"
     config["threads"] = renderer.workers.threads
     config["clock"] = type(beneath(renderer.clock)).__name__
-    config["history"] = renderer._history is not None
     config["controls"] = {field.name: getattr(renderer.controls, field.name) for field in fields(renderer.controls)}
     config["track"] = [
         {"time": key.time}
         | {f.name: v for f in fields(key.controls) if (v := getattr(key.controls, f.name)) is not None}
         for key in renderer.scene.settings.track
     ]
-    # What else it holds in public: aa, budget, persistence, cost model, reserve, ...
-    for name, value in vars(renderer).items():
-        if not name.startswith("_") and name not in config and isinstance(value, (bool, int, float, str, Budget)):
-            config[name] = value
+    config |= {"aa": renderer.aa, "tracer_name": renderer.tracer_name, "gbuffer_name": renderer.gbuffer_name}
+    config |= {"budget": renderer.budget, "persistence": renderer.persistence}
+    config |= {name: getattr(renderer.run.terms, name) for name in ("cost_model", "group_by", "history", "reserve_ms")}
+    config |= {"measure_each": renderer.measure_each, "measure_change": renderer.measure_change}
     return config
 
 
