@@ -11,8 +11,8 @@ Two ways to ask for it, both need the library fast-simplification:
       /Statue: {type: Reference, loader: simplified, asset: armadillo.obj, options: {share: 0.25}}
       /Atrium: {type: Reference, loader: simplified, options: {share: 0.25, of: atrium, options: {bays_x: 6}}}
 
-Objects stay objects: nodes, materials, tags and the order of everything are those of the original. How a mesh is simplified, and when
-it is rather left alone, is said in `decimate`.
+Objects stay objects: nodes, materials, tags and the order of everything are those of the original. How a mesh is simplified, and
+when it is rather left alone, is said in `decimate`.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from phrt.scene import Scene
 from phrt_plugins.loaders.availability import simplification_unavailable
 from phrt_plugins.loaders.decimate import decimated
 from phrt_plugins.loaders.options import SimplifiedOptions
+
 
 @dataclass(frozen=True)
 class Simplification:
@@ -91,7 +92,9 @@ class SimplifiedLoader(Loader):
         plugin = registry.loader_for(path.suffix)
         name = self.options.of or (plugin.name if plugin is not None else None)
         if name is None:
-            raise AssetError(f"{path.name}: loader 'simplified': no loader reads '{path.suffix}' files; name one by `of`")
+            raise AssetError(
+                f"{path.name}: loader 'simplified': no loader reads '{path.suffix}' files; name one by `of`"
+            )
         if name == "simplified":
             raise OptionError("loader 'simplified': `of` must name another loader")
         model: Model = registry.create("loader", name, self.options.options).load(path, context)
