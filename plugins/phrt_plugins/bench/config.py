@@ -88,6 +88,29 @@ class RayPrice(Described):
     rays: Positive = Field(100.0, lt=1e9, description="Nanoseconds that a ray takes.")
 
 
+def _clock(value: Any) -> Any:
+    if value == "wall":
+        return None
+    if not isinstance(value, (dict, RayPrice)):
+        raise ValueError(f"given {value!r}; allowed: wall, or {{rays: NANOSECONDS}}")
+    return value
+
+
+def _metrics(value: Any) -> Any:
+    if value == ALL_METRICS:
+        return None
+    if not isinstance(value, (list, tuple)) or not value:
+        raise ValueError(f"given {value!r}; allowed: all, or a list of names")
+    return value
+
+
+def _camera(value: Any) -> Any:
+    whole = isinstance(value, int) and not isinstance(value, bool) and value >= 0
+    if not (whole or (isinstance(value, str) and value)):
+        raise ValueError(f"given {value!r}; wanted a camera's number from 0, or its path")
+    return value
+
+
 class SceneEntry(Described):
     """A scene and the path through it."""
 
@@ -99,11 +122,14 @@ class SceneEntry(Described):
     overrides: dict[Text, Any] = Field(
         default_factory=dict, description="Values of the scene, as {/World/Lamp.intensity: 3}."
     )
-    camera: Annotated[Whole, Field(ge=0)] | Text = Field(0, description="Number or path of the camera.")
+    camera: Annotated[int | str, BeforeValidator(_camera)] = Field(0, description="Number or path of the camera.")
     frames: FramesText | None = Field(
         None, description='Frames FIRST:STOP of the path, as "0:300"; by default the scene\'s.'
     )
     fps: Positive | None = Field(None, le=1000, description="Frames a second along the path; by default the scene's.")
+    laps: Annotated[Whole, Field(ge=1, le=100_000)] = Field(
+        1, description="How often the path is walked, every second time backwards; frames are counted on."
+    )
     simplify: Annotated[Real, Field(gt=0, lt=1)] | None = Field(
         None, description="Share of its triangles that every mesh keeps; null for all of them."
     )
@@ -152,7 +178,10 @@ class BenchConfig(Described):
     )
     tracers: list[Text] = Field(default=["auto"], min_length=1, description="Tracers, or auto.")
     gbuffers: list[Text] = Field(default=["auto"], min_length=1, description="G-buffer producers, or auto.")
-    clock: Literal["wall"] | RayPrice = Field("wall", description="wall, or {rays: 100}: nanoseconds a ray.")
+    clock: Annotated[RayPrice | None, BeforeValidator(_clock)] = Field(
+        None,
+        description="wall for real time, or {rays: 100}: nanoseconds a ray, so that decisions are the same everywhere.",
+    )
     repeats: Annotated[Whole, Field(ge=1, le=1000)] = Field(1, description="How often everything is run.")
     warm_up: Annotated[Whole, Field(ge=0, le=10_000)] = Field(
         10, description="Frames before every block that are rendered and not counted."
@@ -164,7 +193,9 @@ class BenchConfig(Described):
     judge_every: Annotated[Whole, Field(ge=1, le=100_000)] = Field(
         5, description="Every how-manieth frame is compared with its reference."
     )
-    metrics: Literal["all"] | list[Text] = Field("all", description="Metrics by name, or all.")
+    metrics: Annotated[list[Text] | None, BeforeValidator(_metrics)] = Field(
+        None, description="Metrics by name, or all of them."
+    )
     pictures: Annotated[Whole, Field(ge=0, le=1000)] = Field(
         3, description="Judged frames, spread over the path, that are kept as pictures."
     )

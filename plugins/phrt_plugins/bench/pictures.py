@@ -1,0 +1,115 @@
+"""Pictures of judged frames, and the shots that metrics look at."""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from phrt.interfaces.metric import Shot
+from phrt.output.tonemap import to_8bit
+from phrt.workers import Workers
+
+LARGEST_HALF = 65504.0
+"""A brighter pixel saturates in float16."""
+HEADER_BYTES = 4096
+"""More than what stands before the numbers of an array in a file."""
+
+
+@dataclass(frozen=True)
+class ReferencePicture:
+    """A frame in which everything was traced, and, of a judged one, the frame in which nothing was.
+
+    Linear values are what is left of them in float16.
+
+    image, floor: (H, W, 3) float32, linear, exposure applied; display, floor_display: (H, W, 3) uint8, sRGB
+    motion : (H, W, 2) float32 pixels, as of `Shot`; None where the frame before is not known
+    """
+
+    image: np.ndarray
+    display: np.ndarray
+    floor: np.ndarray | None = None
+    floor_display: np.ndarray | None = None
+    motion: np.ndarray | None = None
+
+    @property
+    def changeable(self) -> np.ndarray:
+        """(H, W) bool: could a decision change the pixel?"""
+        if self.floor_display is None:
+            return np.zeros(self.display.shape[:2], bool)
+        return np.asarray((self.display != self.floor_display).any(axis=2))
+
+
+def shots(
+    images: Mapping[int, np.ndarray],
+    references: Mapping[int, ReferencePicture],
+    judged: Sequence[int],
+    curve: str,
+    workers: Workers | None = None,
+) -> Iterator[Shot]:
+    """A shot per judged frame, with the one before where its picture is there.
+
+    images: (H, W, 3) float32, linear, exposure applied, by number of frame; curve: from linear to shown
+    """
+    for number in judged:
+        reference = references[number]
+        before = None
+        if number - 1 in images and number - 1 in references:
+            before = _shot(number - 1, images, references, curve, workers, reference.changeable)
+        yield _shot(number, images, references, curve, workers, reference.changeable, before)
+
+
+def _shot(
+    number: int,
+    images: Mapping[int, np.ndarray],
+    references: Mapping[int, ReferencePicture],
+    curve: str,
+    workers: Workers | None,
+    changeable: np.ndarray,
+    before: Shot | None = None,
+) -> Shot:
+    image, reference = images[number], references[number]
+    return Shot(
+        index=number,
+        image=image,
+        display=to_8bit(image, curve, pool=workers),
+        reference=reference.image,
+        reference_display=reference.display,
+        changeable=changeable,
+        previous=before,
+        motion=reference.motion if before is not None else None,
+    )
+
+
+def halved(image: np.ndarray) -> np.ndarray:
+    """`image` as float16 keeps it."""
+    return np.clip(image, -LARGEST_HALF, LARGEST_HALF).astype(np.float16)
+
+
+def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Arrays as an .npz, lightly compressed. Raises OSError."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                np.lib.format.write_array(file, array, allow_pickle=False)
+
+
+def read_arrays(path: Path, most_bytes: int) -> dict[str, np.ndarray] | None:
+    """What `write_arrays` wrote; None for a file that is cut off, damaged, too large or something else. No pickles are read."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if sum(entry.file_size for entry in archive.infolist()) > most_bytes + HEADER_BYTES * len(
+                archive.infolist()
+            ):
+                return None
+            found = {}
+            for entry in archive.infolist():
+                with archive.open(entry) as file:
+                    found[entry.filename.removesuffix(".npy")] = np.lib.format.read_array(file, allow_pickle=False)
+            return found
+    except (OSError, ValueError, EOFError, KeyError, NotImplementedError, RuntimeError, zipfile.BadZipFile, zlib.error):
+        return None
