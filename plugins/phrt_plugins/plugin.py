@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from phrt.registry import EffectPlugin, LoaderPlugin, MetricPlugin, hookimpl
+from phrt.registry import CommandPlugin, EffectPlugin, LoaderPlugin, MetricPlugin, hookimpl
 from phrt_plugins.effects.options import (
     AmbientOcclusionOptions,
     ReflectionsOptions,
@@ -133,5 +133,16 @@ def phrt_metrics() -> list[MetricPlugin]:
             name="costs",
             summary="How far off the predictions of the cost models are.",
             factory="phrt_plugins.metrics.costs:Costs",
+        ),
+    ]
+
+
+@hookimpl
+def phrt_commands() -> list[CommandPlugin]:
+    return [
+        CommandPlugin(
+            name="bench",
+            summary="Compares heuristics on the same paths, fairly: pictures, decisions, times and measures in a folder.",
+            factory="phrt_plugins.bench.command:make_command",
         ),
     ]
