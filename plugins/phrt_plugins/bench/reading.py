@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +49,16 @@ def config_of(values: Mapping[str, Any], folder: Path | None = None) -> ConfigFi
     """The config that is given as plain Python data. Raises OptionError as `read_config`."""
     with said_of_configs():
         return checked_config(value_of(dict(values), Mark("config")), (folder or Path.cwd()).resolve())
+
+
+def with_frames(file: ConfigFile, frames: str) -> ConfigFile:
+    """`file` with these frames, "A:B" or "A", of every scene. Raises OptionError."""
+    from phrt.cli.parsing import parse_frames
+
+    chosen = parse_frames(frames)
+    text = f"{chosen.first}:{chosen.stop}"
+    scenes = [entry.model_copy(update={"frames": text}) for entry in file.config.scenes]
+    return replace(file, config=file.config.model_copy(update={"scenes": scenes}))
 
 
 def checked_config(value: Value, folder: Path, text: str | None = None) -> ConfigFile:

@@ -18,7 +18,7 @@ from phrt_plugins.bench.executors import Executor, TaskError
 from phrt_plugins.bench.plan import STAGES, Plan, Stage, Task
 from phrt_plugins.bench.reading import ConfigFile
 from phrt_plugins.bench.references import reference_rays
-from phrt_plugins.bench.store import BENCH_VERSION, CONFIG_FILE, Store
+from phrt_plugins.bench.store import BENCH_FILE, BENCH_VERSION, CONFIG_FILE, Store
 from phrt_plugins.bench.worker import Done, Failure, Work, do
 
 SHOWN_DIFFERENCES = 8
@@ -38,20 +38,25 @@ class BenchRunner:
 
     # Beginning
 
-    def begin(self, *, resume: bool = False, retry_failed: bool = False) -> None:
-        """Make the folder this run's. Raises OptionError where it holds something else, or a run that is not this one."""
+    def check_folder(self, resume: bool) -> None:
+        """Nothing is changed. Raises OptionError where the folder holds something else, or a run that is not to be resumed."""
         root = self.store.root
         if root.exists() and not root.is_dir():
             raise OptionError(f"cannot write into '{root}': it is a file, not a folder")
         about = self.store.about() if resume else None
         if about is None and not self.store.is_empty():
-            holds = (root / "bench.json").exists()
+            holds = (root / BENCH_FILE).exists()
             why = (
                 "it holds a benchmark already (--resume goes on with it)"
                 if holds
                 else "it is not empty, and holds no benchmark"
             )
             raise OptionError(f"cannot write into '{root}': {why}")
+
+    def begin(self, *, resume: bool = False, retry_failed: bool = False) -> None:
+        """Make the folder this run's. Raises OptionError as `check_folder`, and where it holds the run of another config."""
+        self.check_folder(resume)
+        root, about = self.store.root, self.store.about() if resume else None
         self._about = {
             "phrt_bench": BENCH_VERSION,
             "name": self.file.config.name,

@@ -1,0 +1,80 @@
+"""A benchmark from its plan to its summary, for the command and for Python."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from phrt.cli.console import say
+from phrt_plugins.bench.estimate import Estimate, spoken
+from phrt_plugins.bench.executors import Executor, make_executor
+from phrt_plugins.bench.plan import STAGES, Plan
+from phrt_plugins.bench.progress import RunProgress
+from phrt_plugins.bench.reading import ConfigFile
+from phrt_plugins.bench.runner import BenchRunner
+from phrt_plugins.bench.store import Store
+from phrt_plugins.bench.worker import Work
+
+
+@dataclass
+class Outcome:
+    """What came of a benchmark. cells: ids; failures: by cell; problems: of setups; time: as in bench.json; and two texts."""
+
+    cells: list[str]
+    failures: dict[str, dict[str, Any]]
+    problems: list[dict[str, str]]
+    time: dict[str, float]
+    leaderboard: str = ""
+    verdict: str = ""
+
+
+def run_bench(
+    file: ConfigFile,
+    plan: Plan,
+    work: Work,
+    *,
+    resume: bool = False,
+    retry_failed: bool = False,
+    executor: str | Executor = "local",
+    jobs: int | None = None,
+    estimate: Estimate | None = None,
+) -> Outcome:
+    """Run `plan` into the folder of `work`, and sum it up.
+
+    executor: "local", "dask://host:port", or one that is the caller's to close; estimate: is said first where it is given
+
+    Raises OptionError where the folder cannot be used, and for an executor that is none. Cells that fail are in the outcome.
+    """
+    store = Store(work.root)
+    # The folder is looked at before a lock is put into it.
+    runner = BenchRunner(file, plan, store, work)
+    runner.check_folder(resume)
+    with store.locked():
+        runner.begin(resume=resume, retry_failed=retry_failed)
+        made = executor if isinstance(executor, Executor) else _executor(executor, file.config.clock is None, jobs)
+        try:
+            runner.work = replace(work, threads=made.threads)
+            tasks = [task for stage in STAGES for task in runner.remaining(stage)]
+            if estimate is not None and tasks:
+                say(f"{len(plan.cells)} cells, {len(tasks)} tasks, about {spoken(estimate.total(tasks, made.jobs))}")
+            with RunProgress(tasks, estimate) as progress:
+                runner.run(made, progress.ended)
+        finally:
+            if not isinstance(executor, Executor):
+                made.close()
+        outcome = Outcome([cell.id for cell in plan.cells], runner.failures, runner.problems, runner.time())
+        _sum_up(store, outcome)
+    return outcome
+
+
+def _executor(where: str, timing: bool, jobs: int | None) -> Executor:
+    try:
+        return make_executor(where, timing=timing, jobs=jobs)
+    except ImportError:
+        from phrt_plugins.bench.inline import InlineExecutor
+
+        return InlineExecutor()
+
+
+def _sum_up(store: Store, outcome: Outcome) -> None:
+    """Write the summary, and put the leaderboard and the verdict into `outcome`."""
