@@ -1,4 +1,4 @@
-"""Writes the tables of the documentation that come from the code: docs/gbuffer.md and docs/options.md.
+"""Writes the tables of the documentation that come from the code: docs/gbuffer.md, docs/metrics.md and docs/options.md.
 
     .venv/bin/python docs/generate.py            rewrite what changed
     .venv/bin/python docs/generate.py --check    change nothing; leave with 1 where a page is out of date
@@ -17,12 +17,13 @@ import numpy as np
 
 from phrt.channels import CHANNELS, Channel
 from phrt.interfaces.effect import LayerSpec
+from phrt.interfaces.metric import Column
 from phrt.registry import get_registry
 from phrt.registry.manager import KINDS, RegisteredPlugin, import_factory
 from phrt.registry.options import option_rows
 
 DOCS = Path(__file__).resolve().parent
-PAGES = ("gbuffer.md", "options.md")
+PAGES = ("gbuffer.md", "metrics.md", "options.md")
 BLOCK = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 KIND_TITLES = {
@@ -79,6 +80,18 @@ def layers() -> str:
     return table(("layer", "effect", "components", "clear", "meaning"), rows)
 
 
+def metrics() -> str:
+    """One row a column of a metric that ships."""
+    rows = []
+    for entry in built_in("metric"):
+        columns: tuple[Column, ...] = import_factory(f"metric '{entry.name}'", entry).columns
+        rows += [
+            (f"`{c.name}`", f"`{entry.name}`", c.scope, c.unit or "1", c.better, c.statistic, c.summary)
+            for c in columns
+        ]
+    return table(("column", "metric", "scope", "unit", "better", "over frames", "meaning"), rows)
+
+
 def options() -> str:
     """Every option of every plugin that ships, by kind."""
     parts = []
@@ -97,7 +110,7 @@ def plugin_options(entry: RegisteredPlugin) -> str:
     return f"### {entry.kind} `{entry.name}`\n\n{entry.plugin.summary}\n\n{body}"
 
 
-TABLES: dict[str, Callable[[], str]] = {"channels": channels, "layers": layers, "options": options}
+TABLES: dict[str, Callable[[], str]] = {"channels": channels, "layers": layers, "metrics": metrics, "options": options}
 
 
 def refreshed(text: str) -> str:
