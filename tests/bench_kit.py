@@ -184,7 +184,7 @@ def write_block(folder: Path, plan: Plan, cell: dict[str, Any], block: int) -> N
     folder.mkdir()
     shutil.copy(template / "run.json", folder / "run.json")
     write_frames(folder, template, plan, cell, block)
-    write_candidates(folder, template, plan, block)
+    write_candidates(folder, template, plan, cell, block)
     write_measures(folder, plan, cell, block)
     if plan.pictures:
         write_pictures(folder, template, plan, block, "frame")
@@ -224,7 +224,7 @@ def write_frames(folder: Path, template: Path, plan: Plan, cell: dict[str, Any],
     write_table(folder / "frames.parquet", made, parquet.read_schema(template / "frames.parquet"))
 
 
-def write_candidates(folder: Path, template: Path, plan: Plan, block: int) -> None:
+def write_candidates(folder: Path, template: Path, plan: Plan, cell: dict[str, Any], block: int) -> None:
     import pyarrow as arrow
     import pyarrow.parquet as parquet
 
@@ -236,6 +236,10 @@ def write_candidates(folder: Path, template: Path, plan: Plan, block: int) -> No
     for name, values, kind in (("step", np.arange(len(numbers)), np.int32), ("frame", np.array(numbers), np.int64)):
         column = arrow.array(np.repeat(values.astype(kind), counts))
         table = table.set_column(table.schema.get_field_index(name), name, column)
+    if cell["budget_kind"] == "frame_ms":
+        # What the template predicts in rays is to fit the ray phase's milliseconds as it fitted the template's rays.
+        ms = np.asarray(table.column("predicted_cost")) * np.float32(capacity_of(cell["budget"]) / 2000)
+        table = table.set_column(table.schema.get_field_index("predicted_cost"), "predicted_cost", arrow.array(ms))
     parquet.write_table(table, folder / "candidates.parquet")
 
 

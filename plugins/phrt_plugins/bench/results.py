@@ -11,6 +11,7 @@ Folders that end in `.part` are work in progress and are never opened. docs/stat
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -52,9 +53,9 @@ class Blocks:
 
 @dataclass(frozen=True)
 class Failure:
-    """Why a cell failed, and in which block."""
+    """Why a cell failed, and in which block; None where it is not one block's fault."""
 
-    block: int
+    block: int | None
     reason: str
     kind: str
 
@@ -64,7 +65,8 @@ class Cell(Blocks):
     """One contestant in one setup under one budget, once.
 
     size           : (width, height), pixels
-    budget         : as it is written; budget_amount in ms or rays as budget_kind says (frame_ms, ray_ms, rays, none)
+    budget         : as it is written; budget_amount in ms or rays as budget_kind says (frame_ms, ray_ms, rays, none); NaN where
+                     half of the rays is not known yet
     planned_blocks : how many it has when it is done
     state          : ok (all blocks are there), partial (some are not, yet), failed
     settings       : cell.json
@@ -169,6 +171,20 @@ class BenchRun:
             )
         return found
 
+    def contest(self, setup: str) -> str:
+        """The first of the setups that `setup` is compared with: those that differ in effects only."""
+        return self._contests.get(setup, setup)
+
+    @cached_property
+    def _contests(self) -> dict[str, str]:
+        found: dict[str, str] = {}
+        first: dict[str, str] = {}
+        for entry in (self.about.get("plan") or {}).get("setups") or ():
+            if isinstance(entry, dict) and "id" in entry:
+                rest = {name: value for name, value in entry.items() if name not in ("id", "effects")}
+                found[entry["id"]] = first.setdefault(json.dumps(rest, sort_keys=True), entry["id"])
+        return found
+
     def groups(self) -> dict[tuple[str, str, str], tuple[Cell, ...]]:
         """(setup, budget, label) -> its repeats."""
         found: dict[tuple[str, str, str], list[Cell]] = {}
@@ -204,6 +220,9 @@ class BenchRun:
                 if match and match["kind"] == kind:
                     found[int(match["frame"])] = path
         return dict(sorted(found.items()))
+
+    def has_oracle(self, setup: str) -> bool:
+        return any((self.folder / "oracle" / setup).glob("block-*.parquet"))
 
     def oracle(self, setup: str, columns: Sequence[str] | None = None) -> Any:
         """pyarrow table: `block` and a row per judged frame and budget of the oracle of `setup`; empty where there is none."""
@@ -322,11 +341,24 @@ def _planned_blocks(about: dict[str, Any], setup: str) -> int:
     return len(blocks) if isinstance(blocks, list) else 0
 
 
+def _place(cell: Cell) -> tuple[Any, ...]:
+    """What cells are sorted by."""
+    known = not math.isnan(cell.budget_amount)
+    return cell.setup, cell.budget_kind, cell.budget_amount if known else 0.0, cell.budget, cell.label, cell.repeat
+
+
+def _amount(settings: dict[str, Any]) -> float:
+    """ms or rays of a cell's budget. JSON has no infinity: null is no limit, or what half of the rays is, not known yet."""
+    amount = settings.get("budget_amount")
+    if amount is None:
+        return math.inf if settings["budget_kind"] == "none" else math.nan
+    return float(amount)
+
+
 def _cell(folder: Path, about: dict[str, Any], settings: dict[str, Any]) -> Cell:
     path = folder / "cells" / settings["id"]
     failed = _read_json(path / "failed.json")
     width, height = settings["size"]
-    amount = settings.get("budget_amount")
     return Cell(
         **vars(_blocks_of(path, settings["id"], settings["setup"])),
         scene=settings["scene"],
@@ -339,8 +371,7 @@ def _cell(folder: Path, about: dict[str, Any], settings: dict[str, Any]) -> Cell
         clock=settings.get("clock"),
         budget=str(settings["budget"]),
         budget_kind=settings["budget_kind"],
-        # JSON has no infinity: no limit is null, or text.
-        budget_amount=float("inf" if amount is None else amount),
+        budget_amount=_amount(settings),
         persistence=settings.get("persistence"),
         cost_model=settings.get("cost_model", "measured"),
         group_by=settings.get("group_by", "object_effect"),
@@ -353,7 +384,10 @@ def _cell(folder: Path, about: dict[str, Any], settings: dict[str, Any]) -> Cell
 
 
 def _failure(found: dict[str, Any]) -> Failure:
-    return Failure(int(found.get("block") or 0), str(found.get("reason", "unknown")), str(found.get("kind", "")))
+    block = found.get("block")
+    return Failure(
+        None if block is None else int(block), str(found.get("reason", "unknown")), str(found.get("kind", ""))
+    )
 
 
 def _with_blocks(cell: Cell, planned: int) -> Cell:

@@ -301,12 +301,11 @@ def _between(value: float, drawn: np.ndarray, segments: np.ndarray, resampling: 
     return Interval(value, low, high, frames)
 
 
-def _share_of_none(found: Interval, segments: np.ndarray, resampling: Resampling) -> Interval:
-    """Where it is none of the frames, or all, resampling sees no doubt. Then the limits are those of Clopper and Pearson 1934,
-    for as many independent frames as there are moving blocks."""
+def _share_of_none(found: Interval, resampling: Resampling) -> Interval:
+    """Where it is none of the frames, or all, resampling sees no doubt. Then the limits are those of Clopper and Pearson 1934, which
+    take frames for independent: nothing is known of how late ones would come together."""
     if found.value not in (0.0, 1.0) or not found.known:
         return found
-    blocks = found.frames / _length(segments, resampling)
-    reach = 1.0 - ((1.0 - resampling.level) / 2) ** (1.0 / blocks)
+    reach = 1.0 - ((1.0 - resampling.level) / 2) ** (1.0 / found.frames)
     low, high = (0.0, reach) if found.value == 0.0 else (1.0 - reach, 1.0)
     return Interval(found.value, low, high, found.frames)

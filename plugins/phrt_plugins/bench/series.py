@@ -1,0 +1,131 @@
+"""Series: one number a frame of a contestant, its repeats side by side, so that contestants can be compared frame by frame.
+
+flip = judged_series(run, cells, "flip")               # from measures.parquet
+times = frame_series(run, cells, "frame_ms_p95")       # the frames that this column of a run is a percentile of
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from phrt.interfaces.metric import RunFrames
+from phrt.recording.arrow import import_arrow
+from phrt_plugins.bench.results import BenchRun, Blocks
+from phrt_plugins.bench.statistics import Statistic
+from phrt_plugins.metrics.tables import ray_phase_rays
+
+
+@dataclass(frozen=True)
+class Series:
+    """frames, blocks: (n,) int64, sorted; a frame's number and its block's. values: (n, repeats) float64, NaN where there is none.
+    repeats: their numbers."""
+
+    frames: np.ndarray
+    blocks: np.ndarray
+    values: np.ndarray
+    repeats: tuple[int, ...] = (0,)
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def at(self, frames: np.ndarray, repeats: Sequence[int]) -> np.ndarray:
+        """(len(frames), len(repeats)) values; all of them are there."""
+        columns = [self.repeats.index(repeat) for repeat in repeats]
+        return self.values[np.searchsorted(self.frames, frames)][:, columns]
+
+
+def stacked(parts: Sequence[tuple[int, np.ndarray, np.ndarray, np.ndarray]]) -> Series:
+    """One series of pieces (repeat, frames, blocks, values); repeats need not have the same frames."""
+    frames, first = np.unique(np.concatenate([part[1] for part in parts] or [np.zeros(0)]), return_index=True)
+    blocks = np.concatenate([part[2] for part in parts] or [np.zeros(0)])[first]
+    repeats = tuple(sorted({part[0] for part in parts}))
+    values = np.full((len(frames), len(repeats)), np.nan)
+    for repeat, numbers, _, found in parts:
+        values[np.searchsorted(frames, numbers), repeats.index(repeat)] = found
+    return Series(frames.astype(np.int64), blocks.astype(np.int64), values, repeats)
+
+
+def common(a: Series, b: Series) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Blocks (n,) and values (n, repeats) of both where both have a value: the same frames of the same repeats."""
+    frames, rows, _ = np.intersect1d(a.frames, b.frames, assume_unique=True, return_indices=True)
+    repeats = [repeat for repeat in a.repeats if repeat in b.repeats]
+    return a.blocks[rows], a.at(frames, repeats), b.at(frames, repeats)
+
+
+def judged_series(run: BenchRun, cells: Sequence[Blocks], column: str) -> Series:
+    """A column of measures.parquet of the repeats `cells` of a contestant."""
+    return stacked([(_repeat(cell), *_arrays(run.measures(cell, ["frame", column]), column)) for cell in cells])
+
+
+def frame_series(run: BenchRun, cells: Sequence[Blocks], column: str) -> Series | None:
+    """The frames' numbers that `column` of a run is a statistic of (`RUN_COLUMNS`); None where it is not known to be one."""
+    if column not in RUN_COLUMNS:
+        return None
+    per_frame = RUN_COLUMNS[column].per_frame
+    parts = []
+    for cell in cells:
+        if not cell.blocks:
+            continue
+        frames = run_frames(run, cell)
+        numbers = np.asarray(frames.columns["frame"])
+        parts.append((_repeat(cell), numbers, np.asarray(frames.columns["block"]), per_frame(frames)))
+    return stacked(parts)
+
+
+def run_frames(run: BenchRun, cell: Blocks) -> RunFrames:
+    """What a metric is given of all frames of a cell."""
+    table, is_list = run.frames(cell), import_arrow().types.is_list
+    plain = [name for name in table.column_names if not is_list(table.schema.field(name).type)]
+    columns = {name: table.column(name).to_numpy() for name in plain}
+    return RunFrames(columns, lambda names: run.candidates(cell, names))
+
+
+@dataclass(frozen=True)
+class RunColumn:
+    """Which statistic a column of a run is, and of what: per_frame gives (n,), NaN where a frame has no part in it."""
+
+    statistic: Statistic
+    per_frame: Callable[[RunFrames], np.ndarray]
+
+
+def _times(frames: RunFrames) -> np.ndarray:
+    return np.asarray(frames.columns["clock_ms"], np.float64)
+
+
+def _late(frames: RunFrames) -> np.ndarray:
+    """1 where late, 0 where in time, NaN without a budget for the frame."""
+    limited = np.isfinite(np.asarray(frames.columns["deadline_ms"], np.float64))
+    return np.where(limited, np.asarray(frames.columns["late"], np.float64), np.nan)
+
+
+def _jitter(frames: RunFrames) -> np.ndarray:
+    """|time less that of the frame before|; NaN for a block's first."""
+    times = _times(frames)
+    return np.where(frames.follows(), np.abs(np.diff(times, prepend=times[:1])), np.nan)
+
+
+RUN_COLUMNS: dict[str, RunColumn] = {
+    "frame_ms_p50": RunColumn("p50", _times),
+    "frame_ms_p95": RunColumn("p95", _times),
+    "frame_ms_p99": RunColumn("p99", _times),
+    "fps": RunColumn("rate", _times),
+    "late_share": RunColumn("share", _late),
+    "jitter": RunColumn("mean", _jitter),
+    "rays": RunColumn("mean", ray_phase_rays),
+}
+"""The columns of phrt_plugins.metrics.pacing that are statistics of one number a frame. Of others there is no interval."""
+
+
+def _repeat(cell: Blocks) -> int:
+    return int(getattr(cell, "repeat", 0))
+
+
+def _arrays(table: Any, column: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Frames, blocks and values; NaN where a block does not have the column."""
+    count = table.num_rows
+    values = table.column(column).to_numpy() if column in table.column_names else np.full(count, np.nan)
+    return table.column("frame").to_numpy(), table.column("block").to_numpy(), np.asarray(values, np.float64)

@@ -1,0 +1,249 @@
+"""The summary of a comparison: one row per contestant and metric column, repeats pooled, with 95 % intervals.
+
+    path = summarise("runs/standard")          # DIR/summary.parquet, and summary.csv beside it
+    rows = read_summary("runs/standard")
+
+What is measured frame by frame is summarised over the judged frames, what is measured once a run over all frames; `oracle_share`
+and `relevance_share` are the shares of what was possible. Rows are dicts with the columns COLUMNS. docs/statistics.md has them all.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from phrt.errors import OptionError, PhrtWarning, PluginError
+from phrt.interfaces.metric import Column, Metric
+from phrt.output.files import complete_file
+from phrt.recording.arrow import import_arrow
+from phrt_plugins.bench.results import BenchRun, Cell, State, read_columns
+from phrt_plugins.bench.series import RUN_COLUMNS, Series, frame_series, judged_series, run_frames, stacked
+from phrt_plugins.bench.statistics import NOTHING, Interval, interval, ratio_interval
+
+SETTINGS = (
+    "contest", "setup", "scene", "size", "tracer", "gbuffer", "clock", "budget", "budget_kind", "budget_amount",
+    "label", "heuristic", "persistence", "cost_model", "group_by", "history", "cells", "state",
+)  # fmt: skip
+COLUMNS = (*SETTINGS, "metric", "unit", "better", "value", "low", "high", "frames")
+
+ORACLE_SHARE = Column(
+    "oracle_share", "share of the error that the oracle takes off at the same budget", "", "higher", scope="run"
+)
+RELEVANCE_SHARE = Column(
+    "relevance_share", "share of the largest sum of relevance at the same budget", "", "higher", scope="run"
+)
+ORACLE_ERROR = "display_error"
+"""The column of measures that the oracle's errors are in."""
+
+R_COLUMNS = ("frame", "relevance", "predicted_cost", "traced_pixels", "pixel_count")
+MOST_KNAPSACKS = 300
+"""Of a cell; of more judged frames, so many that are evenly spread are solved for `relevance_share`."""
+
+
+def summarise(folder: str | Path) -> Path:
+    """Write summary.parquet and summary.csv into the run `folder`, of what is there; each is replaced whole. The former's path.
+
+    Raises OptionError where the run cannot be read, or nothing can be written.
+    """
+    import pandas
+
+    run = BenchRun.read(folder)
+    table = pandas.DataFrame(list(summary_rows(run)), columns=list(COLUMNS))
+    path = run.folder / "summary.parquet"
+    with complete_file(path) as temporary:
+        table.to_parquet(temporary, index=False)
+    with complete_file(path.with_suffix(".csv")) as temporary:
+        table.to_csv(temporary, index=False)
+    return path
+
+
+def read_summary(folder: str | Path) -> list[dict[str, Any]]:
+    """The rows of DIR/summary.parquet. Raises OptionError where it is not there (`summarise` writes it)."""
+    path = Path(folder) / "summary.parquet"
+    import_arrow()
+    table = read_columns(path)
+    if table is None:
+        raise OptionError(f"there is no '{path}'; it is written when `phrt bench` ends")
+    return list(table.to_pylist())
+
+
+def summary_rows(run: BenchRun) -> Iterator[dict[str, Any]]:
+    """The rows, contestant by contestant. One without a whole block has values NaN of no frames."""
+    metrics = metrics_of(run)
+    known = {column.name: column for metric in metrics for column in metric.columns} | said_columns(run)
+    shot_columns = [known.get(name) or Column(name, name, "", "neither") for name in measured(run)]
+    for cells in run.groups().values():
+        about = settings_of(run, cells)
+        for column, found in group_values(run, cells, shot_columns, metrics):
+            yield about | {"metric": column.name, "unit": column.unit, "better": column.better} | vars(found)
+
+
+def settings_of(run: BenchRun, cells: Sequence[Cell]) -> dict[str, Any]:
+    """What is said of a contestant in all its rows."""
+    cell = cells[0]
+    width, height = cell.size
+    return {
+        "contest": run.contest(cell.setup),
+        "setup": cell.setup,
+        "scene": cell.scene,
+        "size": f"{width}x{height}",
+        "tracer": cell.tracer,
+        "gbuffer": cell.gbuffer,
+        "clock": clock_text(cell.clock),
+        "budget": cell.budget,
+        "budget_kind": cell.budget_kind,
+        "budget_amount": cell.budget_amount,
+        "label": cell.label,
+        "heuristic": cell.heuristic,
+        "persistence": math.nan if cell.persistence is None else float(cell.persistence),
+        "cost_model": cell.cost_model,
+        "group_by": cell.group_by,
+        "history": cell.history,
+        "cells": len(cells),
+        "state": state_of(cells),
+    }
+
+
+def state_of(cells: Sequence[Cell]) -> State:
+    """failed where a repeat failed, partial where one is not done."""
+    states = {cell.state for cell in cells}
+    return "failed" if "failed" in states else "partial" if "partial" in states else "ok"
+
+
+def clock_text(clock: Any) -> str:
+    """ "wall", or "100 ns a ray"."""
+    if isinstance(clock, Mapping) and "rays" in clock:
+        return f"{clock['rays']:g} ns a ray"
+    return "wall" if clock in (None, "wall") else json.dumps(clock)
+
+
+def group_values(
+    run: BenchRun, cells: Sequence[Cell], shot_columns: Sequence[Column], metrics: Sequence[Metric]
+) -> Iterator[tuple[Column, Interval]]:
+    """Every column of a contestant with its value."""
+    begun = [cell for cell in cells if cell.blocks]
+    for column in shot_columns:
+        series = judged_series(run, begun, column.name)
+        yield column, interval(series.values, series.blocks, column.statistic)
+    yield from run_values(run, begun, metrics)
+    if run.has_oracle(cells[0].setup):
+        yield ORACLE_SHARE, oracle_share(run, begun)
+    yield RELEVANCE_SHARE, relevance_share(run, begun)
+
+
+def run_values(run: BenchRun, cells: Sequence[Cell], metrics: Sequence[Metric]) -> Iterator[tuple[Column, Interval]]:
+    """The columns of scope "run". One that is a statistic of a number a frame (`RUN_COLUMNS`) has an interval; others are the mean
+    of the repeats, or their maximum or sum where the column says so."""
+    from phrt_plugins.metrics.measure import all_columns, measure_run
+
+    found = [measure_run(metrics, run_frames(run, cell)) for cell in cells]
+    for column in all_columns(metrics, "run"):
+        of_repeats = np.array([values.get(column.name, math.nan) for values in found])
+        pooled = interval(of_repeats, None, column.statistic).value
+        series = frame_series(run, cells, column.name)
+        if series is not None and is_of(series, column.name, of_repeats):
+            yield column, interval(series.values, series.blocks, RUN_COLUMNS[column.name].statistic)
+        else:
+            frames = 0 if math.isnan(pooled) else max(run.frames(cell, ["frame"]).num_rows for cell in cells)
+            yield column, Interval(pooled, math.nan, math.nan, frames)
+
+
+def is_of(series: Series, column: str, of_repeats: np.ndarray) -> bool:
+    """Are the values of the repeats what our statistic of their frames comes to? Else the metric means something else."""
+    statistic = RUN_COLUMNS[column].statistic
+    ours = [interval(series.values[:, n], None, statistic).value for n in range(series.values.shape[1])]
+    return np.allclose(ours, of_repeats, rtol=1e-6, atol=1e-9, equal_nan=True)
+
+
+def oracle_share(run: BenchRun, cells: Sequence[Cell]) -> Interval:
+    """(error of the floor - error of the contestant) / (error of the floor - error of the oracle): sums over the judged frames."""
+    if not cells:
+        return NOTHING
+    above, below = oracle_series(run, cells)
+    return ratio_interval(above.values, below.values, above.blocks)
+
+
+def oracle_series(run: BenchRun, cells: Sequence[Cell]) -> tuple[Series, Series]:
+    """Error that a contestant and the oracle of its budget took off the floor's, judged frame by judged frame."""
+    cell = cells[0]
+    table = run.oracle(cell.setup, ["frame", "budget", "error_floor", "error_oracle"])
+    at = np.asarray(table.column("budget").to_pylist(), object) == cell.budget
+    frames = table.column("frame").to_numpy()[at]
+    floor, best = (table.column(name).to_numpy()[at] for name in ("error_floor", "error_oracle"))
+    order = np.argsort(frames)
+    known, floor, best = frames[order], floor[order], best[order]
+    error = judged_series(run, cells, ORACLE_ERROR)
+    frames, rows, _ = np.intersect1d(error.frames, known, assume_unique=True, return_indices=True)
+    places = np.searchsorted(known, frames)
+    took = floor[places, None] - error.values[rows]
+    possible = np.where(np.isnan(took), np.nan, (floor - best)[places, None])
+    return (
+        Series(frames, error.blocks[rows], took, error.repeats),
+        Series(frames, error.blocks[rows], possible, error.repeats),
+    )
+
+
+def metrics_of(run: BenchRun) -> list[Metric]:
+    """The metrics that the run was judged with. One that is not to be had here is left out, with a PhrtWarning."""
+    from phrt_plugins.metrics.measure import available_metrics, make_metric
+
+    made = []
+    for name in run.config.get("metrics") or available_metrics():
+        try:
+            made.append(make_metric(name, {}))
+        except PluginError as error:
+            warnings.warn(PhrtWarning(f"nothing is said of the columns of metric '{name}': {error}"), stacklevel=2)
+    return made
+
+
+def said_columns(run: BenchRun) -> dict[str, Column]:
+    """What bench.json says of metrics' columns: those of metrics that are not installed here."""
+    found = {}
+    for entry in run.about.get("columns") or ():
+        names = {
+            name: entry[name] for name in ("name", "summary", "unit", "better", "statistic", "scope") if name in entry
+        }
+        found[entry["name"]] = Column(**names)
+    return found
+
+
+def measured(run: BenchRun) -> list[str]:
+    """The columns in the measures of any cell."""
+    names: dict[str, None] = {}
+    for cell in run.cells:
+        if cell.blocks:
+            names |= dict.fromkeys(run.measures(cell).column_names)
+    return [name for name in names if name not in ("block", "frame")]
+
+
+def relevance_share(run: BenchRun, cells: Sequence[Cell]) -> Interval:
+    """Sum of R that was chosen by the most that the frame's budget could buy, by predicted costs: sums over judged frames."""
+    from phrt_plugins.bench.oracle import relevance_share as of_frames
+
+    chosen, best = [], []
+    for cell in cells:
+        wanted = spread(run.measures(cell, ["frame"]).column("frame").to_numpy(), MOST_KNAPSACKS)
+        frames = run.frames(cell, ["frame", "budget"])
+        for block, candidates in run.candidate_blocks(cell, R_COLUMNS):
+            mine = frames.filter(import_arrow().compute.equal(frames.column("block"), block))
+            found = of_frames(candidates, mine, only=wanted)
+            blocks = np.full(len(found.frame), block)
+            chosen.append((cell.repeat, found.frame, blocks, found.sum_chosen))
+            best.append((cell.repeat, found.frame, blocks, found.sum_best))
+    if not chosen:
+        return NOTHING
+    above, below = stacked(chosen), stacked(best)
+    return ratio_interval(above.values, below.values, above.blocks)
+
+
+def spread(numbers: np.ndarray, most: int) -> list[int]:
+    """At most `most` of `numbers`, evenly spread."""
+    if len(numbers) <= most:
+        return list(numbers.tolist())
+    return list(numbers[np.linspace(0, len(numbers) - 1, most).round().astype(np.int64)].tolist())
