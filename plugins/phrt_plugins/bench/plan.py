@@ -173,7 +173,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Task:
-    """What one worker does at a time. cells: empty for a reference and an oracle."""
+    """What one worker does at a time. cells: that take turns; of an oracle, those whose budgets it has."""
 
     stage: Stage
     setup: Setup
@@ -216,7 +216,11 @@ class Plan:
             ]
         if stage == "oracle" and not self.oracle:
             return []
-        return [Task(stage, setup, block) for setup in self.setups for block in setup.blocks()]
+        return [
+            Task(stage, setup, block, tuple(self.cells_of(setup.id)) if stage == "oracle" else ())
+            for setup in self.setups
+            for block in setup.blocks()
+        ]
 
     def as_json(self) -> dict[str, Any]:
         """As bench.json keeps it."""

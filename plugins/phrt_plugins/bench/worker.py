@@ -5,6 +5,7 @@ It keeps the renderer of the setup it had last, the metrics, and nothing else. W
 
 from __future__ import annotations
 
+import math
 import os
 import time
 import warnings
@@ -13,15 +14,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from phrt.errors import InputError, PhrtWarning, PluginError
 from phrt.interfaces.metric import Metric
+from phrt.recording.arrow import import_arrow
 from phrt.registry.manager import describe
 from phrt.renderer import Renderer
 from phrt_plugins.bench.blocks import FaultError, Judges, Spent, run_block, write_measures, write_pictures
 from phrt_plugins.bench.pictures import ReferencePicture, shots
 from phrt_plugins.bench.plan import Setup, Task
 from phrt_plugins.bench.references import RUN_FILES, References
-from phrt_plugins.bench.scenes import open_renderer
+from phrt_plugins.bench.scenes import new_clock, open_renderer
 from phrt_plugins.bench.store import CELL_FILE, Store, read_json, whole_folder
 from phrt_plugins.metrics.measure import make_metrics, measure_shots
 
@@ -193,8 +197,47 @@ def _cells(work: Work, task: Task, done: Done, spent: Spent) -> None:
 
 
 def _oracle(work: Work, task: Task, done: Done, spent: Spent) -> None:
-    """The best choice for every judged frame of the block."""
-    raise NotImplementedError("the oracle")
+    """The best choice for every judged frame of the block, at every budget that the setup's cells have."""
+    from phrt_plugins.bench.oracle import write_oracle
+
+    setup, block, store = task.setup, task.block, Store(work.root)
+    if store.oracle_block(setup.id, block).exists():
+        return
+    renderer = renderer_of(setup, work, spent)
+    frames = [(number, setup.path.time(number)) for number in block.judged(setup.judge_every)]
+    with spent.on("oracle"):
+        # Milliseconds of an item are those of the setup's clock.
+        renderer.restart(heuristic="all_trace", history=False, clock=new_clock(setup))
+        budgets = oracle_budgets(store, task)
+        write_oracle(
+            store.root, setup.id, block.number, renderer, frames, budgets, camera=setup.camera, tone_map=setup.tone_map
+        )
+
+
+def oracle_budgets(store: Store, task: Task) -> list[tuple[str, str, float]]:
+    """(text, unit, amount) of every budget of the task's cells: rays, or milliseconds of the ray phase. What a budget for the whole
+    frame leaves to the ray phase is the median of what its cells were left in the block; NaN where none was recorded."""
+    found: dict[str, tuple[str, str, float]] = {}
+    for cell in task.cells:
+        settings = read_json(store.cell(cell.id) / CELL_FILE) or cell.settings()
+        kind, amount = settings["budget_kind"], settings["budget_amount"]
+        unit = {"none": "none", "rays": "rays"}.get(kind, "ms")
+        left = math.inf if kind == "none" else math.nan if amount is None else float(amount)
+        if kind == "frame_ms":
+            left = _ray_phase(store, task, cell.budget)
+        found[cell.budget] = cell.budget, unit, left
+    return list(found.values())
+
+
+def _ray_phase(store: Store, task: Task, budget: str) -> float:
+    """The median of the ray phase's budgets, ms, that cells of `budget` recorded in the block; NaN where there are none."""
+    folders = [store.cell_block(cell.id, task.block) for cell in task.cells if cell.budget == budget]
+    rows = [
+        np.asarray(import_arrow().parquet.read_table(folder / "frames.parquet", columns=["budget"])["budget"])
+        for folder in folders
+        if folder.is_dir()
+    ]
+    return float(np.median(np.concatenate(rows))) if rows else math.nan
 
 
 def _attempt(cell: str, turn: Callable[[], None]) -> Failure | None:
