@@ -105,9 +105,7 @@ def intervals(
         return [Interval(value, math.nan, math.nan, len(values)) for value in found]
     draws = _draws(values, segments, statistics, resampling)
     made = [_between(value, drawn, segments, resampling) for value, drawn in zip(found, draws, strict=True)]
-    return [
-        _share_of_none(i, segments, resampling) if s == "share" else i for s, i in zip(statistics, made, strict=True)
-    ]
+    return [_share_of_none(i, resampling) if s == "share" else i for s, i in zip(statistics, made, strict=True)]
 
 
 def paired_interval(
@@ -302,8 +300,8 @@ def _between(value: float, drawn: np.ndarray, segments: np.ndarray, resampling: 
 
 
 def _share_of_none(found: Interval, resampling: Resampling) -> Interval:
-    """Where it is none of the frames, or all, resampling sees no doubt. Then the limits are those of Clopper and Pearson 1934, which
-    take frames for independent: nothing is known of how late ones would come together."""
+    """Where it is none of the frames, or all, resampling sees no doubt. Then the limits are those of Clopper and Pearson 1934,
+    which take frames for independent: nothing is known of how such frames would come together."""
     if found.value not in (0.0, 1.0) or not found.known:
         return found
     reach = 1.0 - ((1.0 - resampling.level) / 2) ** (1.0 / found.frames)
