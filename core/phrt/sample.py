@@ -85,6 +85,7 @@ def take_sample(renderer: Renderer, moment: Moment, stages: Stages) -> Sample:
     )
     unit = unit_of(run.conditions.budget)
     layers = clear_layers(run.effects, world, count, buffers, workers)
+    stages.done("clear")
     if run.history and not (run.terms.heuristic.traces_everything and unit == "none"):
         layers.ages = run.history.reproject(frame, layers, run.faults)
         stages.done("history")
