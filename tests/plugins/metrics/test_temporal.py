@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from metric_kit import SHAPE, codes, found, noise, shot, waves
 
+import phrt
+from phrt.output.tonemap import to_8bit
 from phrt_plugins.metrics.temporal import bilinear, compensated_difference
 
 
@@ -63,6 +67,20 @@ def test_the_second_component_points_down() -> None:
     inner = motion_of(0, -3)
     assert compensated_difference(now / 255.0, before / 255.0, inner) == 0.0
     assert compensated_difference(now / 255.0, before / 255.0, -inner) > 0.2
+
+
+def test_the_g_buffers_motion_is_the_one_it_takes() -> None:
+    scene = phrt.load_scene(Path(__file__).resolve().parents[3] / "scenes" / "spheres.yaml")
+    displays = []
+    with phrt.Renderer(scene, size=(128, 72), heuristic="raster_only", gbuffer="raycast", threads=2) as renderer:
+        for time in (1.0, 1.1):
+            frame = renderer.render(time)
+            motion = renderer.producer.render(frame.view, channels=("motion",)).arrays["motion"]
+            displays.append(to_8bit(frame.image) / np.float32(255))
+    before, now = displays
+    followed, ignored, opposite = (compensated_difference(now, before, motion * factor) for factor in (1, 0, -1))
+    assert np.abs(motion).max() > 2
+    assert followed < 0.7 * ignored < ignored < opposite
 
 
 def test_noise_on_a_moving_picture_is_less_steady_than_the_reference() -> None:
