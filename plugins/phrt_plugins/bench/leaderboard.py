@@ -1,0 +1,351 @@
+"""Leaderboards of a comparison: who is shown to be better than whom, and by how much.
+
+    run = BenchRun.read("runs/standard")
+    boards = leaderboard(read_summary(run.folder), run)
+    print(verdict(boards))
+
+There is a board per budget and contest, the setups whose contestants can be compared. It is ordered by the main metric over
+the judged frames that all who are ranked have. Whoever is not shown to be worse than the first of a rank, by the paired
+difference on the same frames, shares that rank; the next rank counts them (1, 1, 3). Who failed is listed without a rank.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from typing import Any
+
+import numpy as np
+
+from phrt.errors import OptionError
+from phrt.interfaces.metric import Better
+from phrt_plugins.bench.results import BenchRun, Cell
+from phrt_plugins.bench.series import RUN_COLUMNS, Series, common, frame_series, judged_series
+from phrt_plugins.bench.statistics import NOTHING, Interval, Statistic, Verdict, interval, judged, paired_interval
+
+MAIN_METRIC = "flip"
+INSTEAD = ("display_error", "ssim", "psnr", "relmse")
+"""What boards are ordered by where the main metric was not measured."""
+
+
+@dataclass(frozen=True)
+class Paired:
+    """How one contestant compares with another on the same frames of the same repeats. difference: its value less the other's;
+    verdict: what that says of it."""
+
+    difference: Interval
+    verdict: Verdict
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A contestant on a board.
+
+    rank       : 1 is first; None where it failed, or has no frames
+    against    : paired with the other contestants, by label; empty without a rank
+    values     : its summary, by metric column
+    main       : the main metric over the frames that the board is ordered by
+    reason     : why it failed; empty where it did not
+    """
+
+    label: str
+    heuristic: str
+    state: str
+    rank: int | None
+    main: Interval
+    against: Mapping[str, Paired]
+    values: Mapping[str, Interval]
+    reason: str = ""
+
+    def value(self, metric: str) -> Interval:
+        return self.values.get(metric, NOTHING)
+
+
+@dataclass(frozen=True)
+class Board:
+    """The contestants of a contest under one budget, best first, those without a rank last.
+
+    setups : whose contestants they are; a label is one contestant
+    frames : how many judged frames all who are ranked have
+    at_cost: what the one who is first alone is shown to pay for it in time, against the next; empty where nothing is shown
+    """
+
+    contest: str
+    setups: tuple[str, ...]
+    scene: str
+    size: str
+    tracer: str
+    gbuffer: str
+    clock: str
+    budget: str
+    budget_kind: str
+    metric: str
+    unit: str
+    better: Better
+    entries: tuple[Entry, ...]
+    frames: int
+    at_cost: str = ""
+
+    @property
+    def ranked(self) -> tuple[Entry, ...]:
+        return tuple(entry for entry in self.entries if entry.rank is not None)
+
+    @property
+    def first(self) -> tuple[Entry, ...]:
+        """Everybody of rank 1."""
+        return tuple(entry for entry in self.entries if entry.rank == 1)
+
+    @property
+    def unfinished(self) -> tuple[Entry, ...]:
+        """Who failed or is not done."""
+        return tuple(entry for entry in self.entries if entry.state != "ok")
+
+
+@dataclass(frozen=True)
+class _Contestant:
+    """Before it has a place. rows: of the summary, by metric; cells: its repeats; series: the main metric, frame by frame."""
+
+    label: str
+    rows: Mapping[str, Mapping[str, Any]]
+    cells: tuple[Cell, ...]
+    series: Series
+
+    @property
+    def about(self) -> Mapping[str, Any]:
+        return next(iter(self.rows.values()))
+
+    @property
+    def begun(self) -> list[Cell]:
+        return [cell for cell in self.cells if cell.blocks]
+
+    @property
+    def placed(self) -> bool:
+        return self.about["state"] != "failed" and not np.isnan(self.series.values).all()
+
+
+def paired(run: BenchRun, a: Sequence[Cell], b: Sequence[Cell], metric: str, better: Better) -> Paired:
+    """Contestant `a` against `b`, each given by its repeats, on the frames that both have. metric: a column of measures, by its
+    mean, or a column of a run that is a statistic of its frames (`series.RUN_COLUMNS`)."""
+    if metric in RUN_COLUMNS:
+        ours, theirs = frame_series(run, a, metric), frame_series(run, b, metric)
+        statistic = RUN_COLUMNS[metric].statistic
+    else:
+        ours, theirs = judged_series(run, a, metric), judged_series(run, b, metric)
+        statistic = "mean"
+    if ours is None or theirs is None:
+        return Paired(NOTHING, "no difference shown")
+    return _compared(ours, theirs, better, statistic)
+
+
+def leaderboard(summary: Iterable[Mapping[str, Any]], run: BenchRun, metric: str = MAIN_METRIC) -> list[Board]:
+    """The boards of `run`, in the order of its cells. summary: its rows (`read_summary`). metric: by what the board is ordered, a
+    column of pictures; where FLIP was not measured, the first of INSTEAD that was takes its place.
+
+    Raises OptionError where there is none to order by.
+    """
+    rows = list(summary)
+    measured = {row["metric"]: row for row in rows}
+    wanted = (metric, *INSTEAD) if metric == MAIN_METRIC else (metric,)
+    main = next((measured[name] for name in wanted if name in measured), None)
+    if main is None:
+        raise OptionError(f"there is nothing to rank by: '{metric}' was not measured in '{run.folder}'")
+    contests: dict[tuple[str, str], dict[str, dict[str, Mapping[str, Any]]]] = {}
+    for row in rows:
+        contest = contests.setdefault((row["contest"], row["budget"]), {})
+        contest.setdefault(row["label"], {})[row["metric"]] = row
+    groups = run.groups()
+    return [_board(run, groups, labels, main) for labels in contests.values()]
+
+
+def verdict(boards: Sequence[Board]) -> str:
+    """One sentence on all boards: who is first where and by how much, what is not shown, and what is not done."""
+    held = [board for board in boards if len(board.ranked) > 1]
+    if not held:
+        return "Nothing can be compared: no two contestants have judged frames."
+    alone: dict[str, list[Board]] = {}
+    shared: dict[tuple[str, ...], list[Board]] = {}
+    for board in held:
+        labels = tuple(entry.label for entry in board.first)
+        if len(labels) == 1:
+            alone.setdefault(labels[0], []).append(board)
+        else:
+            shared.setdefault(tuple(sorted(labels)), []).append(board)
+    won = sorted(alone.items(), key=lambda item: -len(item[1]))
+    parts = [_first(label, where, len(held)) for label, where in won]
+    parts += [_shared(labels, where, len(held)) for labels, where in shared.items()]
+    return "; ".join(filter(None, (*parts, _unfinished(boards)))) + "."
+
+
+def metric_name(metric: str) -> str:
+    """As a sentence or a heading calls it: "FLIP", "display error"."""
+    name, _, rest = metric.partition("_")
+    named = {"flip": "FLIP", "ssim": "SSIM", "psnr": "PSNR", "relmse": "relMSE"}.get(name, name)
+    return " ".join(filter(None, (named, rest.replace("_", " "))))
+
+
+# A board
+
+
+def _board(
+    run: BenchRun,
+    groups: Mapping[tuple[str, str, str], tuple[Cell, ...]],
+    labels: Mapping[str, Mapping[str, Mapping[str, Any]]],
+    main: Mapping[str, Any],
+) -> Board:
+    """The board of contestants with their rows of the summary."""
+    everybody = []
+    for label, rows in labels.items():
+        about = next(iter(rows.values()))
+        cells = groups.get((about["setup"], about["budget"], label), ())
+        begun = [cell for cell in cells if cell.blocks]
+        everybody.append(_Contestant(label, rows, cells, judged_series(run, begun, main["metric"])))
+    placed, figures, frames = _ordered([each for each in everybody if each.placed], main["better"])
+    against = _all_pairs(placed, main["better"])
+    ranks = _ranks([each.label for each in placed], against)
+    entries = [_entry(each, ranks[each.label], figures[each.label], against[each.label]) for each in placed]
+    entries += [_entry(each, None, NOTHING, {}) for each in everybody if not each.placed]
+    about = everybody[0].about
+    kept = ("contest", "scene", "size", "tracer", "gbuffer", "clock", "budget", "budget_kind")
+    return Board(
+        **{name: about[name] for name in kept},
+        setups=tuple(dict.fromkeys(each.about["setup"] for each in everybody)),
+        metric=main["metric"],
+        unit=main["unit"],
+        better=main["better"],
+        entries=tuple(entries),
+        frames=frames,
+        at_cost=_at_cost(run, placed[0], placed[1]) if len(placed) > 1 and list(ranks.values()).count(1) == 1 else "",
+    )
+
+
+def _ordered(contestants: Sequence[_Contestant], better: Better) -> tuple[list[_Contestant], dict[str, Interval], int]:
+    """Best first, and the main metric of each, by label, over the frames that all have, and how many those are. Where there is no
+    such frame, all frames of each count."""
+    if not contestants:
+        return [], {}, 0
+    frames = reduce(np.intersect1d, (each.series.frames for each in contestants))
+    figures = {}
+    for each in contestants:
+        rows = np.isin(each.series.frames, frames) if len(frames) else np.ones(len(each.series), bool)
+        figures[each.label] = interval(each.series.values[rows], each.series.blocks[rows])
+    sign = -1.0 if better == "higher" else 1.0
+    return sorted(contestants, key=lambda each: sign * figures[each.label].value), figures, len(frames)
+
+
+def _all_pairs(contestants: Sequence[_Contestant], better: Better) -> dict[str, dict[str, Paired]]:
+    """Everybody against everybody else, by label."""
+    return {
+        a.label: {b.label: _compared(a.series, b.series, better) for b in contestants if b is not a}
+        for a in contestants
+    }
+
+
+def _compared(a: Series, b: Series, better: Better, statistic: Statistic = "mean") -> Paired:
+    blocks, mine, other = common(a, b)
+    difference = paired_interval(mine, other, blocks, statistic)
+    return Paired(difference, judged(difference, better))
+
+
+def _ranks(labels: Sequence[str], against: Mapping[str, Mapping[str, Paired]]) -> dict[str, int]:
+    """By label, best first. Who is not shown to be worse than the first of a rank shares it."""
+    ranks: dict[str, int] = {}
+    head = ""
+    for place, label in enumerate(labels, start=1):
+        if not head or against[label][head].verdict == "worse":
+            head = label
+            ranks[label] = place
+        else:
+            ranks[label] = ranks[head]
+    return ranks
+
+
+def _entry(contestant: _Contestant, rank: int | None, main: Interval, against: Mapping[str, Paired]) -> Entry:
+    values = {
+        metric: Interval(float(row["value"]), float(row["low"]), float(row["high"]), int(row["frames"]))
+        for metric, row in contestant.rows.items()
+    }
+    failures = [cell.failure for cell in contestant.cells if cell.failure is not None]
+    about = contestant.about
+    reason = failures[0].reason if failures else ""
+    return Entry(contestant.label, about["heuristic"], about["state"], rank, main, against, values, reason)
+
+
+def _at_cost(run: BenchRun, first: _Contestant, following: _Contestant) -> str:
+    """Is the first shown to be later, or slower where the budget is none of time, than the one that follows it? Times of a clock of
+    rays are none."""
+    if first.about["clock"] != "wall":
+        return ""
+    timed = first.about["budget_kind"] == "frame_ms"
+    metric = "late_share" if timed else "frame_ms_p50"
+    if metric not in first.rows or metric not in following.rows:
+        return ""
+    if paired(run, first.begun, following.begun, metric, "lower").verdict != "worse":
+        return ""
+    ours, theirs = (float(each.rows[metric]["value"]) for each in (first, following))
+    if timed:
+        return f"{100 * ours:.1f} % of its frames late against {100 * theirs:.1f} %"
+    return f"{ours:.1f} ms a frame against {theirs:.1f} ms"
+
+
+# The verdict
+
+
+def _first(label: str, boards: Sequence[Board], held: int) -> str:
+    """ "gain has the lowest FLIP in 2 of 3 comparisons, 0.01 [0.008, 0.012] below random in court at 50ms, up to ..." """
+    best = "highest" if boards[0].better == "higher" else "lowest"
+    text = f"{label} has the {best} {metric_name(boards[0].metric)}"
+    leads = sorted((_lead(board) for board in boards), key=lambda lead: lead[0])
+    if len(boards) == 1:
+        text += f" in {_where(boards[0])}, {leads[0][1]}"
+    else:
+        text += f" in {_count(len(boards), held)}, {leads[0][1]} in {_where(leads[0][2])}"
+        text += f", up to {leads[-1][1]} in {_where(leads[-1][2])}"
+    costs = [f"{board.at_cost} in {_where(board)}" for board in boards if board.at_cost]
+    return text + (f", with {' and '.join(costs)}" if costs else "")
+
+
+def _lead(board: Board) -> tuple[float, str, Board]:
+    """By how much the first is ahead of the next: to sort by, and as text."""
+    first, following = board.ranked[:2]
+    difference = first.against[following.label].difference
+    ends = sorted((abs(difference.low), abs(difference.high)))
+    shown = f"{_number(abs(difference.value))} [{_number(ends[0])}, {_number(ends[1])}]"
+    return abs(difference.value), f"{shown} {'above' if board.better == 'higher' else 'below'} {following.label}", board
+
+
+def _shared(labels: Sequence[str], boards: Sequence[Board], held: int) -> str:
+    where = _where(boards[0]) if len(boards) == 1 else _count(len(boards), held)
+    best = "highest" if boards[0].better == "higher" else "lowest"
+    named = metric_name(boards[0].metric)
+    return f"{_listed(labels)} share the first place in {where}, none shown to differ from the {best} {named}"
+
+
+def _unfinished(boards: Sequence[Board]) -> str:
+    everybody = [entry for board in boards for entry in board.entries]
+    failed = sum(entry.state == "failed" for entry in everybody)
+    partial = sum(entry.state == "partial" for entry in everybody)
+    parts = [f"{failed} failed"] * bool(failed) + [f"{partial} not finished"] * bool(partial)
+    return f"of {len(everybody)} entries {' and '.join(parts)}" if parts else ""
+
+
+def _count(some: int, of: int) -> str:
+    if some < of:
+        return f"{some} of {of} comparisons"
+    return "both comparisons" if of == 2 else f"all {of} comparisons"
+
+
+def _where(board: Board) -> str:
+    return f"{board.scene} at {board.budget}" if board.budget != "none" else f"{board.scene} without a budget"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _number(value: float) -> str:
+    """Two or three digits that count."""
+    if not math.isfinite(value) or value == 0.0:
+        return f"{value:g}"
+    return f"{value:.{max(0, 2 - math.floor(math.log10(abs(value))) - (abs(value) < 1))}f}"
