@@ -125,7 +125,8 @@ class AllOrNothing(Heuristic):
 
 
 class Judged:
-    """A frame with nothing traced (`floor`) and with everything traced (`reference`), and all pictures in between.
+    """A frame with nothing traced (`floor`) and with everything traced (`reference`), and all pictures in between, as long as their
+    renderer is open and renders nothing else.
 
     together_ms: what tracing all items in one wave takes, by the renderer's clock.
     """

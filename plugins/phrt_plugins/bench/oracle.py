@@ -25,6 +25,21 @@ from phrt.renderer import Renderer
 from phrt_plugins.bench.benefits import EffectSets, ItemTruth, Judged, counts_rays, judge
 from phrt_plugins.bench.knapsack import solve, warned
 
+BLOCK_COLUMNS = {
+    "frame": "int64", "budget": "string", "unit": "string", "capacity": "double", "error_floor": "double",
+    "error_oracle": "double", "benefit_oracle": "double", "items": "int64", "cost": "double", "gap": "double",
+    "error_items": "double", "benefit_items": "double", "pixels": "int64",
+}  # fmt: skip
+ITEMS_COLUMNS = {
+    "frame": "int64", "object": "string", "effect": "string", "pixels": "int64", "benefit": "double", "rays": "int64",
+    "ms": "double", "relevance": "double",
+}  # fmt: skip
+SETS_COLUMNS = {
+    "frame": "int64", "object": "string", "object_id": "int32", "effects": "string", "benefit": "double",
+    "rays": "int64", "ms": "double",
+}  # fmt: skip
+"""The columns of the three files and their types; docs/oracle.md says what they mean."""
+
 UNITS = ("none", "rays", "ms")
 TOLERANCE = 1e-4
 """Relative: how near to the largest sum of R is near enough. There is one to be found for every frame of every run."""
@@ -106,9 +121,10 @@ def write_oracle(
         for text, unit, amount in budgets:
             found.add({name: [value] for name, value in _chosen_row(judged, text, unit, amount).items()})
     name = f"{block:03d}.parquet"
-    write_table(target / f"sets-{name}", sets.columns)
-    write_table(target / f"items-{name}", items.columns)
-    write_table(target / f"block-{name}", found.columns)
+    write_table(target / f"sets-{name}", sets.columns, SETS_COLUMNS)
+    write_table(target / f"items-{name}", items.columns, ITEMS_COLUMNS)
+    # Last: where it is, the others are.
+    write_table(target / f"block-{name}", found.columns, BLOCK_COLUMNS)
     return target / f"block-{name}"
 
 
@@ -183,15 +199,18 @@ def _names(effect_names: Sequence[str], bits: int) -> list[str]:
     return [name for number, name in enumerate(effect_names) if bits >> number & 1]
 
 
-def write_table(path: Path, columns: Mapping[str, Sequence[Any]]) -> None:
-    """Write a Parquet file, whole or not at all. Raises OSError."""
+def write_table(path: Path, columns: Mapping[str, Sequence[Any]], types: Mapping[str, str]) -> None:
+    """Write a Parquet file, whole or not at all: the columns of `types`, which are Arrow's names. Raises OSError."""
     from phrt.recording.arrow import import_arrow
 
     arrow = import_arrow()
+    table = arrow.table(
+        {name: arrow.array(columns.get(name, []), arrow.type_for_alias(kind)) for name, kind in types.items()}
+    )
     temporary = temporary_beside(path)
     try:
         with open(temporary, "wb") as file:
-            arrow.parquet.write_table(arrow.table(dict(columns)), file, compression="zstd")
+            arrow.parquet.write_table(table, file, compression="zstd")
             file.flush()
             os.fsync(file.fileno())
         os.replace(temporary, path)
@@ -203,24 +222,18 @@ def read_sets(path: str | Path) -> dict[int, EffectSets]:
     """By frame, what sets-NNN.parquet holds."""
     from phrt.recording.arrow import import_arrow
 
-    table = import_arrow().parquet.read_table(path).to_pydict()
-    texts = table.get("effects", [])
+    table = import_arrow().parquet.read_table(path)
+    texts = table["effects"].to_pylist()
     names = tuple(sorted({name for text in texts for name in text.split("+")}))
     bits = np.array([sum(1 << names.index(name) for name in text.split("+")) for text in texts], np.int32)
-    columns = [np.array(table.get(name, [])) for name in ("object_id", "benefit", "rays", "ms")]
-    frame = np.array(table.get("frame", []), np.int64)
-    return {
-        int(number): EffectSets(
-            names,
-            columns[0][rows].astype(np.int32),
-            bits[rows],
-            columns[1][rows],
-            columns[2][rows].astype(np.int64),
-            columns[3][rows],
-        )
-        for number in np.unique(frame)
-        for rows in [np.flatnonzero(frame == number)]
-    }
+    frame, object_id, benefit, rays, ms = (
+        table[name].to_numpy() for name in ("frame", "object_id", "benefit", "rays", "ms")
+    )
+    found = {}
+    for number in np.unique(frame):
+        rows = np.flatnonzero(frame == number)
+        found[int(number)] = EffectSets(names, object_id[rows], bits[rows], benefit[rows], rays[rows], ms[rows])
+    return found
 
 
 def relevance_share(candidates: Any, frames: Any, only: Collection[int] | None = None) -> RelevanceShare:
