@@ -55,28 +55,40 @@ def shots(
 
     images: (H, W, 3) float32, linear, exposure applied, by number of frame; curve: from linear to shown
     """
+
+    def shot(number: int, changeable: np.ndarray, before: Shot | None) -> Shot:
+        shown = to_8bit(images[number], curve, pool=workers)
+        return one_shot(number, images[number], shown, references[number], changeable, before)
+
     for number in judged:
         reference = references[number]
         before = None
         if number - 1 in images and number - 1 in references:
-            before = _shot(number - 1, images, references, curve, workers, reference.changeable)
-        yield _shot(number, images, references, curve, workers, reference.changeable, before)
+            before = shot(number - 1, reference.changeable, None)
+        yield shot(number, reference.changeable, before)
 
 
-def _shot(
+def floor_shots(references: Mapping[int, ReferencePicture], judged: Sequence[int]) -> Iterator[Shot]:
+    """A shot per judged frame of the frames in which nothing was traced; without the one before."""
+    for number in judged:
+        reference = references[number]
+        if reference.floor is not None and reference.floor_display is not None:
+            yield one_shot(number, reference.floor, reference.floor_display, reference, reference.changeable, None)
+
+
+def one_shot(
     number: int,
-    images: Mapping[int, np.ndarray],
-    references: Mapping[int, ReferencePicture],
-    curve: str,
-    workers: Workers | None,
+    image: np.ndarray,
+    display: np.ndarray,
+    reference: ReferencePicture,
     changeable: np.ndarray,
-    before: Shot | None = None,
+    before: Shot | None,
 ) -> Shot:
-    image, reference = images[number], references[number]
+    """A picture beside its reference."""
     return Shot(
         index=number,
         image=image,
-        display=to_8bit(image, curve, pool=workers),
+        display=display,
         reference=reference.image,
         reference_display=reference.display,
         changeable=changeable,

@@ -7,6 +7,7 @@ something else is rendered again.
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 import time
 from collections.abc import Callable
@@ -18,18 +19,21 @@ import numpy as np
 
 from phrt.clock import RayClock
 from phrt.cost_memory import cache_folder
+from phrt.errors import OptionError
 from phrt.output.tonemap import to_8bit
 from phrt.recording import Recorder
-from phrt.recording.arrow import import_arrow
 from phrt.recording.folder import RUN_FILE, write_json
 from phrt.renderer import Renderer
 from phrt_plugins.bench.content import code_digest
 from phrt_plugins.bench.pictures import ReferencePicture, halved, read_arrays, write_arrays
 from phrt_plugins.bench.plan import Block, Setup, short_hash
+from phrt_plugins.bench.results import read_columns
 from phrt_plugins.bench.store import read_json, whole_folder
 
 RUN_FILES = (RUN_FILE, "frames.parquet", "candidates.parquet")
 ABOUT_FILE = "reference.json"
+ABANDONED_S = 3600.0
+"""A reference that has been written for so long is written by nobody."""
 BYTES_A_PIXEL = 2 * (6 + 3) + 4
 """Of a kept frame: two pictures, linear and shown, and motion."""
 
@@ -93,6 +97,7 @@ class References:
         key = reference_key(setup, block)
         final = self.cache / key
         shutil.rmtree(final, ignore_errors=True)
+        self._forget_parts()
         with whole_folder(final, shared=True) as part:
             arrays = _everything_traced(setup, block, renderer, part / "run")
             for number, floor in _nothing_traced(setup, block, renderer).items():
@@ -104,11 +109,18 @@ class References:
                 write_arrays(part / _file(number), {"key": np.array(f"{key} {number}"), **values})
             write_json(part / ABOUT_FILE, {"key": key, "setup": asdict(setup), "made": time.time()})
 
+    def _forget_parts(self) -> None:
+        """Remove what runs that were killed left behind."""
+        for part in self.cache.glob("*.part"):
+            with contextlib.suppress(OSError):
+                if time.time() - part.stat().st_mtime > ABANDONED_S:
+                    shutil.rmtree(part, ignore_errors=True)
+
 
 def reference_rays(folder: Path) -> list[int]:
     """The secondary rays of every frame of the reference in run folder `folder`."""
-    table = import_arrow().parquet.read_table(folder / "frames.parquet", columns=["rays"])
-    return [sum(count for kind, count in row if kind != "primary") for row in table.column("rays").to_pylist()]
+    table = read_columns(folder / "frames.parquet", ["rays"])
+    return [sum(count for kind, count in row if kind != "primary") for row in table["rays"].to_pylist()]
 
 
 def _everything_traced(setup: Setup, block: Block, renderer: Renderer, run: Path) -> dict[int, dict[str, np.ndarray]]:
@@ -148,16 +160,13 @@ def _file(number: int) -> str:
 
 def _run_is_whole(folder: Path) -> bool:
     """Can the tables be read, and did the run end well?"""
-    arrow = import_arrow()
     about = read_json(folder / RUN_FILE)
     if not isinstance(about, dict) or about.get("state") != "finished":
         return False
     try:
-        for name in RUN_FILES[1:]:
-            arrow.parquet.read_table(folder / name)
-    except (OSError, arrow.ArrowException):
+        return all(read_columns(folder / name) is not None for name in RUN_FILES[1:])
+    except OptionError:
         return False
-    return True
 
 
 def _read_picture(path: Path, key: str, size: tuple[int, int], judged: bool) -> ReferencePicture | None:

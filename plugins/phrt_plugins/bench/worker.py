@@ -18,13 +18,13 @@ import numpy as np
 
 from phrt.errors import InputError, PhrtWarning, PluginError
 from phrt.interfaces.metric import Metric
-from phrt.recording.arrow import import_arrow
 from phrt.registry.manager import describe
 from phrt.renderer import Renderer
 from phrt_plugins.bench.blocks import FaultError, Judges, Spent, run_block, write_measures, write_pictures
-from phrt_plugins.bench.pictures import ReferencePicture, shots
+from phrt_plugins.bench.pictures import ReferencePicture, floor_shots
 from phrt_plugins.bench.plan import Setup, Task
 from phrt_plugins.bench.references import RUN_FILES, References
+from phrt_plugins.bench.results import read_columns
 from phrt_plugins.bench.scenes import new_clock, open_renderer
 from phrt_plugins.bench.store import CELL_FILE, Store, read_json, whole_folder
 from phrt_plugins.metrics.measure import make_metrics, measure_shots
@@ -154,9 +154,8 @@ def _reference(work: Work, task: Task, done: Done, spent: Spent) -> None:
     with whole_folder(target) as part:
         for name in RUN_FILES:
             (part / name).write_bytes((source / name).read_bytes())
-        floors = {number: floor for number in judged if (floor := references[number].floor) is not None}
         with spent.on("metrics"):
-            columns = measure_shots(_metrics(work), shots(floors, references, judged, setup.tone_map))
+            columns = measure_shots(_metrics(work), floor_shots(references, judged))
         write_measures(part / "measures.parquet", judged, columns)
         pictures: dict[str, Any] = {}
         for number in sorted(kept & set(judged)):
@@ -233,7 +232,7 @@ def _ray_phase(store: Store, task: Task, budget: str) -> float:
     """The median of the ray phase's budgets, ms, that cells of `budget` recorded in the block; NaN where there are none."""
     folders = [store.cell_block(cell.id, task.block) for cell in task.cells if cell.budget == budget]
     rows = [
-        np.asarray(import_arrow().parquet.read_table(folder / "frames.parquet", columns=["budget"])["budget"])
+        np.asarray(read_columns(folder / "frames.parquet", ["budget"])["budget"])
         for folder in folders
         if folder.is_dir()
     ]
