@@ -161,21 +161,25 @@ def leaderboard(summary: Iterable[Mapping[str, Any]], run: BenchRun, metric: str
 
 def verdict(boards: Sequence[Board]) -> str:
     """One sentence on all boards: who is first where and by how much, what is not shown, and what is not done."""
-    held = [board for board in boards if len(board.ranked) > 1]
+    held = [(board, name) for board, name in zip(boards, board_names(boards), strict=True) if len(board.ranked) > 1]
     if not held:
         return "Nothing can be compared: no two contestants have judged frames."
-    alone: dict[str, list[Board]] = {}
-    shared: dict[tuple[str, ...], list[Board]] = {}
-    for board in held:
-        labels = tuple(entry.label for entry in board.first)
-        if len(labels) == 1:
-            alone.setdefault(labels[0], []).append(board)
-        else:
-            shared.setdefault(tuple(sorted(labels)), []).append(board)
-    won = sorted(alone.items(), key=lambda item: -len(item[1]))
-    parts = [_first(label, where, len(held)) for label, where in won]
-    parts += [_shared(labels, where, len(held)) for labels, where in shared.items()]
+    by_first: dict[tuple[str, ...], list[tuple[Board, str]]] = {}
+    for board, name in held:
+        by_first.setdefault(tuple(sorted(entry.label for entry in board.first)), []).append((board, name))
+    ordered = sorted(by_first.items(), key=lambda item: (len(item[0]) > 1, -len(item[1])))
+    parts = [(_first if len(labels) == 1 else _shared)(labels, where, len(held)) for labels, where in ordered]
     return "; ".join(filter(None, (*parts, _unfinished(boards)))) + "."
+
+
+def board_names(boards: Sequence[Board]) -> list[str]:
+    """What boards are of, as short as tells them apart: "court at 50ms", "court 640x360 open3d at 50ms"."""
+    varied = [n for n in ("size", "tracer", "gbuffer", "clock") if len({getattr(board, n) for board in boards}) > 1]
+    names = []
+    for board in boards:
+        course = " ".join((board.scene, *(getattr(board, name) for name in varied)))
+        names.append(f"{course} without a budget" if board.budget == "none" else f"{course} at {board.budget}")
+    return names
 
 
 def metric_name(metric: str) -> str:
@@ -292,33 +296,35 @@ def _at_cost(run: BenchRun, first: _Contestant, following: _Contestant) -> str:
 # The verdict
 
 
-def _first(label: str, boards: Sequence[Board], held: int) -> str:
-    """ "gain has the lowest FLIP in 2 of 3 comparisons, 0.01 [0.008, 0.012] below random in court at 50ms, up to ..." """
-    best = "highest" if boards[0].better == "higher" else "lowest"
-    text = f"{label} has the {best} {metric_name(boards[0].metric)}"
-    leads = sorted((_lead(board) for board in boards), key=lambda lead: lead[0])
+def _first(labels: Sequence[str], boards: Sequence[tuple[Board, str]], held: int) -> str:
+    """ "gain has the lowest FLIP in 2 of 3 comparisons, by 0.01 [0.008, 0.012] over random (court at 50ms) to ..." """
+    board, name = boards[0]
+    best = "highest" if board.better == "higher" else "lowest"
+    text = f"{labels[0]} has the {best} {metric_name(board.metric)}"
+    leads = sorted(((*_lead(board), name) for board, name in boards), key=lambda lead: lead[0])
     if len(boards) == 1:
-        text += f" in {_where(boards[0])}, {leads[0][1]}"
+        text += f" in {name}, by {leads[0][1]}"
     else:
-        text += f" in {_count(len(boards), held)}, {leads[0][1]} in {_where(leads[0][2])}"
-        text += f", up to {leads[-1][1]} in {_where(leads[-1][2])}"
-    costs = [f"{board.at_cost} in {_where(board)}" for board in boards if board.at_cost]
+        text += f" in {_count(len(boards), held)}"
+        text += f", by {leads[0][1]} ({leads[0][2]}) to {leads[-1][1]} ({leads[-1][2]})"
+    costs = [f"{board.at_cost} ({name})" for board, name in boards if board.at_cost]
     return text + (f", with {' and '.join(costs)}" if costs else "")
 
 
-def _lead(board: Board) -> tuple[float, str, Board]:
+def _lead(board: Board) -> tuple[float, str]:
     """By how much the first is ahead of the next: to sort by, and as text."""
     first, following = board.ranked[:2]
     difference = first.against[following.label].difference
-    ends = sorted((abs(difference.low), abs(difference.high)))
-    shown = f"{_number(abs(difference.value))} [{_number(ends[0])}, {_number(ends[1])}]"
-    return abs(difference.value), f"{shown} {'above' if board.better == 'higher' else 'below'} {following.label}", board
+    low, high = sorted((abs(difference.low), abs(difference.high)))
+    lead = abs(difference.value)
+    return lead, f"{_number(lead)} [{_number(low)}, {_number(high)}] over {following.label}"
 
 
-def _shared(labels: Sequence[str], boards: Sequence[Board], held: int) -> str:
-    where = _where(boards[0]) if len(boards) == 1 else _count(len(boards), held)
-    best = "highest" if boards[0].better == "higher" else "lowest"
-    named = metric_name(boards[0].metric)
+def _shared(labels: Sequence[str], boards: Sequence[tuple[Board, str]], held: int) -> str:
+    board, name = boards[0]
+    where = name if len(boards) == 1 else _count(len(boards), held)
+    best = "highest" if board.better == "higher" else "lowest"
+    named = metric_name(board.metric)
     return f"{_listed(labels)} share the first place in {where}, none shown to differ from the {best} {named}"
 
 
@@ -334,10 +340,6 @@ def _count(some: int, of: int) -> str:
     if some < of:
         return f"{some} of {of} comparisons"
     return "both comparisons" if of == 2 else f"all {of} comparisons"
-
-
-def _where(board: Board) -> str:
-    return f"{board.scene} at {board.budget}" if board.budget != "none" else f"{board.scene} without a budget"
 
 
 def _listed(names: Sequence[str]) -> str:
