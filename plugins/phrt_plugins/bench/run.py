@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from phrt.cli.console import say
+from phrt.errors import PhrtError
 from phrt_plugins.bench.estimate import Estimate, spoken
 from phrt_plugins.bench.executors import Executor, make_executor
 from phrt_plugins.bench.plan import STAGES, Plan
@@ -77,4 +78,16 @@ def _executor(where: str, timing: bool, jobs: int | None) -> Executor:
 
 
 def _sum_up(store: Store, outcome: Outcome) -> None:
-    """Write the summary, and put the leaderboard and the verdict into `outcome`."""
+    """Write the summary, and put the leaderboard and the verdict into `outcome`. What cannot be summed up is a problem of its own:
+    everything that was rendered is there."""
+    from phrt_plugins.bench.leaderboard import leaderboard, verdict
+    from phrt_plugins.bench.results import BenchRun
+    from phrt_plugins.bench.summary import read_summary, summarise
+    from phrt_plugins.bench.tables import text
+
+    try:
+        summarise(store.root)
+        boards = leaderboard(read_summary(store.root), BenchRun.read(store.root))
+        outcome.leaderboard, outcome.verdict = text(boards), verdict(boards)
+    except (PhrtError, OSError) as error:
+        outcome.problems.append({"setup": "all", "stage": "summary", "reason": str(error)})

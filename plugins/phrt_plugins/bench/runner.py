@@ -6,6 +6,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import asdict
 from functools import partial
 from typing import Any
 
@@ -20,6 +21,7 @@ from phrt_plugins.bench.reading import ConfigFile
 from phrt_plugins.bench.references import reference_rays
 from phrt_plugins.bench.store import BENCH_FILE, BENCH_VERSION, CONFIG_FILE, Store
 from phrt_plugins.bench.worker import Done, Failure, Work, do
+from phrt_plugins.metrics.measure import all_columns, make_metrics
 
 SHOWN_DIFFERENCES = 8
 
@@ -64,6 +66,7 @@ class BenchRunner:
             "state": "running",
             "config": self.file.config.model_dump(mode="json"),
             "plan": self.plan.as_json(),
+            "columns": [asdict(column) for column in all_columns(make_metrics(self.file.config.metrics))],
             "versions": versions(),
             "machine": machine(),
             "started": now(),

@@ -12,6 +12,7 @@ import os
 import secrets
 import shutil
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
@@ -23,6 +24,7 @@ from phrt_plugins.bench.plan import Block
 BENCH_FILE, CONFIG_FILE, LOCK_FILE = "bench.json", "config.yaml", ".lock"
 CELL_FILE, FAILED_FILE = "cell.json", "failed.json"
 BENCH_VERSION = 1
+SYNCED_AT_ONCE = 8
 
 
 class Store:
@@ -134,11 +136,11 @@ def whole_folder(path: Path, *, shared: bool = False) -> Iterator[Path]:
 
 def to_disk(folder: Path) -> None:
     """Everything in `folder` is on the disk when this returns."""
-    for path in folder.rglob("*"):
-        if path.is_file():
-            _sync(path)
-    for path in (*(p for p in folder.rglob("*") if p.is_dir()), folder):
-        _sync(path)
+    inside = list(folder.rglob("*"))
+    # At the same time: the system then brings them to the disk in one go or two.
+    with ThreadPoolExecutor(SYNCED_AT_ONCE) as pool:
+        list(pool.map(_sync, [path for path in inside if path.is_file()]))
+        list(pool.map(_sync, [*(path for path in inside if path.is_dir()), folder]))
 
 
 def read_json(path: Path) -> Any:
