@@ -145,4 +145,9 @@ def phrt_commands() -> list[CommandPlugin]:
             summary="Compares heuristics on the same paths, fairly: pictures, decisions, times and measures in a folder.",
             factory="phrt_plugins.bench.command:make_command",
         ),
+        CommandPlugin(
+            name="report",
+            summary="What a comparison came to: one HTML page that opens without a network, or tables for a text.",
+            factory="phrt_plugins.report.command:make_command",
+        ),
     ]

@@ -12,23 +12,27 @@ from phrt_plugins.report.model import Entry, Value
 
 @dataclass(frozen=True)
 class Column:
-    """metric: "" for the rank and the name; style: how a value is written; meaning: shown when the pointer rests on the heading."""
+    """metric: "" for the rank and the name; style: how a value is written; meaning: shown when the pointer rests on the heading;
+    interval: below the value, too."""
 
     metric: str
     title: str
     style: str
     meaning: str
     text: bool = False
+    interval: bool = False
 
 
 RANK = Column("", "#", "", "rank; who shares one has not been shown to differ")
 NAME = Column("", "heuristic", "", "the contestant's label", text=True)
 COLUMNS = (
-    Column("flip", "FLIP", ".4f", "mean FLIP against all-trace, lower is better"),
-    Column("oracle_share", "oracle", "percent", "share of the oracle's error reduction"),
-    Column("relevance_share", "sum of R", "percent", "share of the largest sum of relevance"),
-    Column("flip_changeable", "changeable", ".4f", "mean FLIP over the pixels that a decision could change"),
-    Column("ssim", "SSIM", ".4f", "structural similarity, higher is better"),
+    Column("flip", "FLIP", ".4f", "mean FLIP against all-trace, lower is better", interval=True),
+    Column("oracle_share", "oracle", "percent", "share of the oracle's error reduction", interval=True),
+    Column("relevance_share", "sum of R", "percent", "share of the largest sum of relevance", interval=True),
+    Column(
+        "flip_changeable", "changeable", ".4f", "mean FLIP over the pixels that a decision could change", interval=True
+    ),
+    Column("ssim", "SSIM", ".4f", "structural similarity, higher is better", interval=True),
     Column("popping", "popping", ".4f", "motion-compensated change that is not the reference's, 99th percentile"),
     Column("flips_area", "flips", "percent", "decision flips from frame to frame, weighted by area"),
     Column("frame_ms_p50", "p50 ms", ".1f", "time of a frame, median"),
@@ -99,7 +103,7 @@ def board(key: str, title: str, main: str, placed: Sequence[Placed], looks: Mapp
 def columns_of(main: str, entries: Sequence[Entry]) -> list[Column]:
     """The main metric's column, then those of COLUMNS that someone has a value in."""
     known = {column.metric: column for column in COLUMNS}
-    first = known.get(main, Column(main, main, ".4g", main))
+    first = known.get(main, Column(main, main, ".4g", main, interval=True))
     others = [c for c in COLUMNS if c.metric != main and any(math.isfinite(e.value(c.metric)) for e in entries)]
     return [first, *others]
 
@@ -121,7 +125,7 @@ def metric_cell(placed: Placed, column: Column, is_main: bool, top: float) -> Ce
     return Cell(
         written(found.value, column.style),
         repr(found.value),
-        interval(found, column.style),
+        interval(found, column.style) if column.interval else "",
         bar,
         is_main and placed.rank == 1,
     )

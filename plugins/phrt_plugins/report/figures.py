@@ -22,7 +22,7 @@ from phrt_plugins.report.drawing import (
 from phrt_plugins.report.model import Entry
 from phrt_plugins.report.thinning import pareto
 
-SIZE = (5.4, 4.1)
+SIZE = (4.8, 3.9)
 
 
 def error_against(

@@ -21,10 +21,18 @@ def page_of(values: Mapping[str, Any]) -> str:
         raise OptionError(f"reports need jinja2 ({error}): pip install 'phrt[bench]'") from error
     environment = Environment(autoescape=True, undefined=StrictUndefined)
     environment.filters["csv_link"] = csv_link
+    environment.filters["breakable"] = breakable
     script = asset("script.js")
     return environment.from_string(asset("template.html.j2")).render(
         style=asset("style.css"), script=script, script_hash=content_hash(script), **values
     )
+
+
+def breakable(text: str) -> Any:
+    """Escaped text that may be broken after underscores and slashes."""
+    from markupsafe import Markup, escape
+
+    return Markup(escape(text).replace("_", Markup("_<wbr>")).replace("/", Markup("/<wbr>")))
 
 
 def asset(name: str) -> str:

@@ -60,7 +60,7 @@ def compared(of: ranks.Board, entry: ranks.Entry) -> str:
     if pair is None or not pair.difference.known:
         return ""
     said = f"{pair.difference.value:+.4f} [{pair.difference.low:+.4f}, {pair.difference.high:+.4f}]"
-    return f"{said}: {pair.verdict}" if pair.verdict == "no difference shown" else said
+    return f"{said}\n{pair.verdict}" if pair.verdict == "no difference shown" else said
 
 
 def rank_run(run: BenchRun) -> Ranking:
@@ -85,3 +85,10 @@ def summary_of(run: BenchRun) -> list[dict[str, Any]]:
     if run.state == "finished" and written.exists() and written.stat().st_mtime >= newest:
         return read_summary(run.folder)
     return list(summary_rows(run))
+
+
+def tables_of(run: BenchRun, form: str) -> str:
+    """The leaderboards as "markdown" or "latex". Raises OptionError where nothing has been measured yet."""
+    from phrt_plugins.bench.tables import export
+
+    return export(ranks.leaderboard(summary_of(run), run), form)
