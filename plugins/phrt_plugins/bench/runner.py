@@ -77,6 +77,7 @@ class BenchRunner:
             self._about["started"] = about.get("started")
         try:
             root.mkdir(parents=True, exist_ok=True)
+            self.store.sweep()
             self._write_config()
             self.store.write_about(self._about)
         except OSError as error:

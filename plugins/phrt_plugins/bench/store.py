@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import secrets
 import shutil
 from collections.abc import Iterator, Mapping
@@ -25,6 +26,8 @@ BENCH_FILE, CONFIG_FILE, LOCK_FILE = "bench.json", "config.yaml", ".lock"
 CELL_FILE, FAILED_FILE = "cell.json", "failed.json"
 BENCH_VERSION = 1
 SYNCED_AT_ONCE = 8
+TEMPORARY = re.compile(r"\..+\.[0-9a-f]{12}\.[a-z]+")
+"""Files that `phrt.output.files.temporary_beside` names."""
 
 
 class Store:
@@ -98,6 +101,14 @@ class Store:
         return not self.root.exists() or all(
             path.name in harmless or path.name.startswith(".") for path in self.root.iterdir()
         )
+
+    def sweep(self) -> None:
+        """Remove what a run that was killed left half written. Call it while the folder is locked."""
+        for path in self.root.rglob("*"):
+            if path.is_dir() and path.name.endswith(".part"):
+                shutil.rmtree(path, ignore_errors=True)
+            elif TEMPORARY.fullmatch(path.name):
+                path.unlink(missing_ok=True)
 
     @contextmanager
     def locked(self) -> Iterator[None]:

@@ -136,6 +136,28 @@ def test_a_run_that_was_killed_at_once_leaves_an_empty_folder(tmp_path: Path) ->
         assert not store.is_empty()
 
 
+def test_what_was_half_written_is_swept_away(tmp_path: Path) -> None:
+    kept = [
+        "cells/one/block-000/a",
+        "cells/one/cell.json",
+        "oracle/s/block-000.parquet",
+        ".lock",
+        "config.yaml",
+        ".mine",
+    ]
+    half = [
+        "cells/one/block-001.part/a",
+        "cells/one/.cell.0123456789ab.json",
+        "oracle/s/.items-000.0123456789ab.parquet",
+    ]
+    for name in (*kept, *half):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("x")
+    Store(tmp_path).sweep()
+    left = [path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()]
+    assert sorted(left) == sorted(kept)
+
+
 def test_a_lock_ends_with_its_process(tmp_path: Path) -> None:
     code = (
         "import sys, os, signal; from phrt_plugins.bench.store import Store\n"
