@@ -131,6 +131,7 @@ def time_lines(key: str, budget: str, order: str, items: Sequence[Item], strips:
         for number, strip in enumerate(strips):
             axes.text(across[0], number * rows + 0.8, plain(strip.label), fontsize=9, fontweight="bold", va="center")
         axes.set_xlabel("frame")
+        axes.xaxis.get_major_locator().set_params(integer=True)
         margins(figure, 0.2 + text_width(names, 7), 0.52 + legend_height(WIDTH, STATES), top=0.05)
         legend(figure, [_patch(colour) for colour in STATE_COLOURS], STATES)
 
@@ -141,7 +142,9 @@ def time_lines(key: str, budget: str, order: str, items: Sequence[Item], strips:
         f"The {len(items)} most important items {order}, top down."
         + (f" A column is {size} frames: the share of the item's pixels that was traced in them." if size > 1 else ""),
         "Time lines: "
-        + "; ".join(f"{strip.label} traced these items in {traced(strip):.0%} of their frames" for strip in strips),
+        + "; ".join(
+            f"{strip.label} traced these items in {100 * traced(strip):.0f} % of their frames" for strip in strips
+        ),
         draw(key, (WIDTH, height + 0.57 + legend_height(WIDTH, STATES)), paint),
         table_csv(("label", "object", "effect", "first_frame", "frames", "state"), runs(items, strips)),
         wide=True,

@@ -83,6 +83,7 @@ def frame_times(key: str, budget: str, axis: str, traces: Sequence[Trace], looks
             axes.set_ylim(0, top * 1.08)
             axes.locator_params(axis="y", nbins=3)
         panels[-1].set_xlabel("frame")
+        panels[-1].xaxis.get_major_locator().set_params(integer=True)
         figure.supylabel(axis, fontsize=9.5, color=INK, x=0.004)
         margins(figure, 0.85, 0.5, top=GAP, hspace=GAP)
 
