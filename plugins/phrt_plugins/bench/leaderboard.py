@@ -22,7 +22,7 @@ import numpy as np
 from phrt.errors import OptionError
 from phrt.interfaces.metric import Better
 from phrt_plugins.bench.results import BenchRun, Cell
-from phrt_plugins.bench.series import RUN_COLUMNS, Series, common, frame_series, judged_series
+from phrt_plugins.bench.series import RUN_COLUMNS, Series, common, frame_series, frames_of, judged_series
 from phrt_plugins.bench.statistics import NOTHING, Interval, Statistic, Verdict, interval, judged, paired_interval
 
 MAIN_METRIC = "flip"
@@ -117,10 +117,6 @@ class _Contestant:
         return next(iter(self.rows.values()))
 
     @property
-    def begun(self) -> list[Cell]:
-        return [cell for cell in self.cells if cell.blocks]
-
-    @property
     def placed(self) -> bool:
         return self.about["state"] != "failed" and not np.isnan(self.series.values).all()
 
@@ -129,14 +125,10 @@ def paired(run: BenchRun, a: Sequence[Cell], b: Sequence[Cell], metric: str, bet
     """Contestant `a` against `b`, each given by its repeats, on the frames that both have. metric: a column of measures, by its
     mean, or a column of a run that is a statistic of its frames (`series.RUN_COLUMNS`)."""
     if metric in RUN_COLUMNS:
-        ours, theirs = frame_series(run, a, metric), frame_series(run, b, metric)
-        statistic = RUN_COLUMNS[metric].statistic
-    else:
-        ours, theirs = judged_series(run, a, metric), judged_series(run, b, metric)
-        statistic = "mean"
-    if ours is None or theirs is None:
-        return Paired(NOTHING, "no difference shown")
-    return _compared(ours, theirs, better, statistic)
+        ours, theirs = (frame_series(frames_of(run, cells), metric) for cells in (a, b))
+        return _compared(ours, theirs, better, RUN_COLUMNS[metric].statistic)
+    ours, theirs = (judged_series(run, cells, [metric])[metric] for cells in (a, b))
+    return _compared(ours, theirs, better)
 
 
 def leaderboard(summary: Iterable[Mapping[str, Any]], run: BenchRun, metric: str = MAIN_METRIC) -> list[Board]:
@@ -203,8 +195,8 @@ def _board(
     for label, rows in labels.items():
         about = next(iter(rows.values()))
         cells = groups.get((about["setup"], about["budget"], label), ())
-        begun = [cell for cell in cells if cell.blocks]
-        everybody.append(_Contestant(label, rows, cells, judged_series(run, begun, main["metric"])))
+        series = judged_series(run, cells, [main["metric"]])[main["metric"]]
+        everybody.append(_Contestant(label, rows, cells, series))
     placed, figures, frames = _ordered([each for each in everybody if each.placed], main["better"])
     against = _all_pairs(placed, main["better"])
     ranks = _ranks([each.label for each in placed], against)
@@ -285,7 +277,7 @@ def _at_cost(run: BenchRun, first: _Contestant, following: _Contestant) -> str:
     metric = "late_share" if timed else "frame_ms_p50"
     if metric not in first.rows or metric not in following.rows:
         return ""
-    if paired(run, first.begun, following.begun, metric, "lower").verdict != "worse":
+    if paired(run, first.cells, following.cells, metric, "lower").verdict != "worse":
         return ""
     ours, theirs = (float(each.rows[metric]["value"]) for each in (first, following))
     if timed:

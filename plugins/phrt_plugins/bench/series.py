@@ -1,12 +1,14 @@
 """Series: one number a frame of a contestant, its repeats side by side, so that contestants can be compared frame by frame.
 
-flip = judged_series(run, cells, "flip")               # from measures.parquet
-times = frame_series(run, cells, "frame_ms_p95")       # the frames that this column of a run is a percentile of
+    flip = judged_series(run, cells, ["flip"])["flip"]
+    times = frame_series(frames_of(run, cells), "frame_ms_p95")
+
+The first is of judged frames, from measures.parquet; the second of all frames: those that this column of a run is a percentile of.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,24 +58,26 @@ def common(a: Series, b: Series) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return a.blocks[rows], a.at(frames, repeats), b.at(frames, repeats)
 
 
-def judged_series(run: BenchRun, cells: Sequence[Blocks], column: str) -> Series:
-    """A column of measures.parquet of the repeats `cells` of a contestant."""
-    return stacked([(_repeat(cell), *_arrays(run.measures(cell, ["frame", column]), column)) for cell in cells])
+def judged_series(run: BenchRun, cells: Sequence[Blocks], columns: Sequence[str]) -> dict[str, Series]:
+    """Columns of measures.parquet of the repeats `cells` of a contestant."""
+    tables = [(_repeat(cell), run.measures(cell, ["frame", *columns])) for cell in cells if cell.blocks]
+    return {name: stacked([(repeat, *_arrays(table, name)) for repeat, table in tables]) for name in columns}
 
 
-def frame_series(run: BenchRun, cells: Sequence[Blocks], column: str) -> Series | None:
-    """The frames' numbers that `column` of a run is a statistic of (`RUN_COLUMNS`); None where it is not known to be one."""
-    if column not in RUN_COLUMNS:
-        return None
+def frames_of(run: BenchRun, cells: Sequence[Blocks]) -> dict[int, RunFrames]:
+    """By repeat, all frames of those of `cells` that have any."""
+    return {_repeat(cell): run_frames(run, cell) for cell in cells if cell.blocks}
+
+
+def frame_series(frames: Mapping[int, RunFrames], column: str) -> Series:
+    """The frames' numbers that `column` of a run, one of RUN_COLUMNS, is a statistic of. frames: by repeat."""
     per_frame = RUN_COLUMNS[column].per_frame
-    parts = []
-    for cell in cells:
-        if not cell.blocks:
-            continue
-        frames = run_frames(run, cell)
-        numbers = np.asarray(frames.columns["frame"])
-        parts.append((_repeat(cell), numbers, np.asarray(frames.columns["block"]), per_frame(frames)))
-    return stacked(parts)
+    return stacked(
+        [
+            (repeat, np.asarray(each.columns["frame"]), np.asarray(each.columns["block"]), per_frame(each))
+            for repeat, each in frames.items()
+        ]
+    )
 
 
 def run_frames(run: BenchRun, cell: Blocks) -> RunFrames:

@@ -100,7 +100,7 @@ def intervals(
     values, segments = values[kept], segments[kept]
     if not len(values):
         return [NOTHING] * len(statistics)
-    found = [_value(values, statistic) for statistic in statistics]
+    found = [statistic_of(values, statistic) for statistic in statistics]
     if len(values) < 2:
         return [Interval(value, math.nan, math.nan, len(values)) for value in found]
     draws = _draws(values, segments, statistics, resampling)
@@ -127,7 +127,7 @@ def paired_interval(
     segments_ = segments_[kept]
     if not len(a):
         return NOTHING
-    value = _value(a, statistic) - _value(b, statistic)
+    value = statistic_of(a, statistic) - statistic_of(b, statistic)
     if len(a) < 2:
         return Interval(value, math.nan, math.nan, len(a))
     # The same seed draws the same frames of both.
@@ -157,6 +157,21 @@ def ratio_interval(
     if len(sums[0]) < 2:
         return Interval(value, math.nan, math.nan, len(sums[0]))
     return _between(value, _drawn_ratios(sums[0], sums[1], segments_, resampling), segments_, resampling)
+
+
+def statistic_of(values: np.ndarray, statistic: Statistic) -> float:
+    """`statistic` of `values` (n,) or (n, repeats) without an interval; NaN where there is no value."""
+    values, _ = _of_frames(values, None)
+    if np.isnan(values).all():
+        return math.nan
+    match statistic:
+        case "max":
+            return float(np.nanmax(values))
+        case "p50" | "p95" | "p99":
+            return float(np.nanpercentile(values, float(statistic[1:])))
+        case _:
+            above, below = _sums(values, statistic)
+            return float(above.sum() / below.sum()) if below.sum() else math.nan
 
 
 def judged(difference: Interval, better: Better) -> Verdict:
@@ -192,18 +207,6 @@ def _numbered(segments: np.ndarray) -> np.ndarray:
 
 def _length(segments: np.ndarray, resampling: Resampling) -> int:
     return min(resampling.block_length or default_block_length(segments), len(segments))
-
-
-def _value(values: np.ndarray, statistic: Statistic) -> float:
-    """`statistic` of (n, repeats) of which every row has a value."""
-    match statistic:
-        case "max":
-            return float(np.nanmax(values))
-        case "p50" | "p95" | "p99":
-            return float(np.nanpercentile(values, float(statistic[1:])))
-        case _:
-            above, below = _sums(values, statistic)
-            return float(above.sum() / below.sum()) if below.sum() else math.nan
 
 
 def _sums(values: np.ndarray, statistic: Statistic) -> tuple[np.ndarray, np.ndarray]:

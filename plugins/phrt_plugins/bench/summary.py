@@ -9,6 +9,7 @@ and `relevance_share` are the shares of what was possible. Rows are dicts with t
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 import warnings
@@ -19,12 +20,12 @@ from typing import Any
 import numpy as np
 
 from phrt.errors import OptionError, PhrtWarning, PluginError
-from phrt.interfaces.metric import Column, Metric
+from phrt.interfaces.metric import Column, Metric, RunFrames
 from phrt.output.files import complete_file
 from phrt.recording.arrow import import_arrow
 from phrt_plugins.bench.results import BenchRun, Cell, State, read_columns
-from phrt_plugins.bench.series import RUN_COLUMNS, Series, frame_series, judged_series, run_frames, stacked
-from phrt_plugins.bench.statistics import NOTHING, Interval, interval, ratio_interval
+from phrt_plugins.bench.series import RUN_COLUMNS, Series, frame_series, frames_of, judged_series, stacked
+from phrt_plugins.bench.statistics import NOTHING, Interval, interval, intervals, ratio_interval, statistic_of
 
 SETTINGS = (
     "contest", "setup", "scene", "size", "tracer", "gbuffer", "clock", "budget", "budget_kind", "budget_amount",
@@ -51,16 +52,28 @@ def summarise(folder: str | Path) -> Path:
 
     Raises OptionError where the run cannot be read, or nothing can be written.
     """
-    import pandas
-
+    arrow = import_arrow()
     run = BenchRun.read(folder)
-    table = pandas.DataFrame(list(summary_rows(run)), columns=list(COLUMNS))
+    rows = list(summary_rows(run))
     path = run.folder / "summary.parquet"
     with complete_file(path) as temporary:
-        table.to_parquet(temporary, index=False)
-    with complete_file(path.with_suffix(".csv")) as temporary:
-        table.to_csv(temporary, index=False)
+        arrow.parquet.write_table(arrow.Table.from_pylist(rows, _schema()), temporary)
+    with (
+        complete_file(path.with_suffix(".csv")) as temporary,
+        open(temporary, "w", newline="", encoding="utf-8") as file,
+    ):
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        # A number that is not there is an empty field.
+        writer.writerows(["" if row[name] != row[name] else row[name] for name in COLUMNS] for row in rows)
     return path
+
+
+def _schema() -> Any:
+    arrow = import_arrow()
+    numbers = dict.fromkeys(("budget_amount", "persistence", "value", "low", "high"), arrow.float64())
+    types = numbers | {"history": arrow.bool_(), "cells": arrow.int64(), "frames": arrow.int64()}
+    return arrow.schema([(name, types.get(name, arrow.string())) for name in COLUMNS])
 
 
 def read_summary(folder: str | Path) -> list[dict[str, Any]]:
@@ -128,8 +141,9 @@ def group_values(
 ) -> Iterator[tuple[Column, Interval]]:
     """Every column of a contestant with its value."""
     begun = [cell for cell in cells if cell.blocks]
+    judged = judged_series(run, begun, [column.name for column in shot_columns])
     for column in shot_columns:
-        series = judged_series(run, begun, column.name)
+        series = judged[column.name]
         yield column, interval(series.values, series.blocks, column.statistic)
     yield from run_values(run, begun, metrics)
     if run.has_oracle(cells[0].setup):
@@ -142,23 +156,40 @@ def run_values(run: BenchRun, cells: Sequence[Cell], metrics: Sequence[Metric]) 
     of the repeats, or their maximum or sum where the column says so."""
     from phrt_plugins.metrics.measure import all_columns, measure_run
 
-    found = [measure_run(metrics, run_frames(run, cell)) for cell in cells]
+    frames = frames_of(run, cells)
+    found = {repeat: measure_run(metrics, each) for repeat, each in frames.items()}
+    longest = max((len(each) for each in frames.values()), default=0)
+    with_interval = intervals_of(frames, found)
     for column in all_columns(metrics, "run"):
-        of_repeats = np.array([values.get(column.name, math.nan) for values in found])
-        pooled = interval(of_repeats, None, column.statistic).value
-        series = frame_series(run, cells, column.name)
-        if series is not None and is_of(series, column.name, of_repeats):
-            yield column, interval(series.values, series.blocks, RUN_COLUMNS[column.name].statistic)
+        if column.name in with_interval:
+            yield column, with_interval[column.name]
         else:
-            frames = 0 if math.isnan(pooled) else max(run.frames(cell, ["frame"]).num_rows for cell in cells)
-            yield column, Interval(pooled, math.nan, math.nan, frames)
+            repeats = np.array([values.get(column.name, math.nan) for values in found.values()])
+            pooled = statistic_of(repeats, column.statistic)
+            yield column, Interval(pooled, math.nan, math.nan, 0 if math.isnan(pooled) else longest)
 
 
-def is_of(series: Series, column: str, of_repeats: np.ndarray) -> bool:
-    """Are the values of the repeats what our statistic of their frames comes to? Else the metric means something else."""
+def intervals_of(frames: Mapping[int, RunFrames], found: Mapping[int, Mapping[str, float]]) -> dict[str, Interval]:
+    """Of those RUN_COLUMNS whose value in every repeat is what our statistic of its frames comes to; else the metric that found it
+    means something else by the name."""
+    ours: dict[Any, list[str]] = {}
+    for name, column in RUN_COLUMNS.items():
+        ours.setdefault(column.per_frame, []).append(name)
+    made: dict[str, Interval] = {}
+    for names in ours.values():
+        series = frame_series(frames, names[0])
+        same = [name for name in names if is_of(series, name, found)]
+        statistics = [RUN_COLUMNS[name].statistic for name in same]
+        made |= dict(zip(same, intervals(series.values, series.blocks, statistics), strict=True))
+    return made
+
+
+def is_of(series: Series, column: str, found: Mapping[int, Mapping[str, float]]) -> bool:
+    """Is what was `found` in each repeat the statistic of its frames' numbers?"""
     statistic = RUN_COLUMNS[column].statistic
-    ours = [interval(series.values[:, n], None, statistic).value for n in range(series.values.shape[1])]
-    return np.allclose(ours, of_repeats, rtol=1e-6, atol=1e-9, equal_nan=True)
+    ours = [statistic_of(series.values[:, number], statistic) for number in range(len(series.repeats))]
+    theirs = [found[repeat].get(column, math.nan) for repeat in series.repeats]
+    return bool(ours) and np.allclose(ours, theirs, rtol=1e-6, atol=1e-9, equal_nan=True)
 
 
 def oracle_share(run: BenchRun, cells: Sequence[Cell]) -> Interval:
@@ -178,7 +209,7 @@ def oracle_series(run: BenchRun, cells: Sequence[Cell]) -> tuple[Series, Series]
     floor, best = (table.column(name).to_numpy()[at] for name in ("error_floor", "error_oracle"))
     order = np.argsort(frames)
     known, floor, best = frames[order], floor[order], best[order]
-    error = judged_series(run, cells, ORACLE_ERROR)
+    error = judged_series(run, cells, [ORACLE_ERROR])[ORACLE_ERROR]
     frames, rows, _ = np.intersect1d(error.frames, known, assume_unique=True, return_indices=True)
     places = np.searchsorted(known, frames)
     took = floor[places, None] - error.values[rows]
