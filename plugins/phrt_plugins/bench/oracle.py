@@ -2,7 +2,7 @@
 
     truth = oracle_frame(renderer, time=1.2, index=36)
     choice = oracle_choice(truth.sets, capacity=200_000, unit="rays")
-    truth.items_of(choice.rows), choice.benefit, choice.cost
+    truth.choice_of(choice.sets), choice.benefit, choice.cost
 
 `write_oracle` does this for the judged frames of a block and writes three tables. `relevance_share` judges what a run chose by
 the paper's own objective, the sum of R.
@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from phrt.camera import CameraView
+from phrt.interfaces.heuristic import PASSES
 from phrt.output.files import temporary_beside
 from phrt.renderer import Renderer
 from phrt_plugins.bench.benefits import EffectSets, ItemTruth, Judged, counts_rays, judge
@@ -28,7 +29,7 @@ from phrt_plugins.bench.knapsack import solve, warned
 BLOCK_COLUMNS = {
     "frame": "int64", "budget": "string", "unit": "string", "capacity": "double", "error_floor": "double",
     "error_oracle": "double", "benefit_oracle": "double", "items": "int64", "cost": "double", "gap": "double",
-    "error_items": "double", "benefit_items": "double", "pixels": "int64",
+    "error_parts": "double", "error_items": "double", "benefit_items": "double", "pixels": "int64",
 }  # fmt: skip
 ITEMS_COLUMNS = {
     "frame": "int64", "object": "string", "effect": "string", "pixels": "int64", "benefit": "double", "rays": "int64",
@@ -47,10 +48,10 @@ TOLERANCE = 1e-4
 
 @dataclass(frozen=True)
 class Choice:
-    """What the oracle chose: rows of `EffectSets`, at most one of an object; their benefit (sum over pixels) and cost in the
-    budget's unit; gap: the best choice may bring more by at most this share, 0 when this is it."""
+    """What the oracle chose: sets, at most one of an object; their benefit (sum over pixels) and cost in the budget's unit; gap:
+    the best choice may bring more by at most this share, 0 when this is it."""
 
-    rows: np.ndarray
+    sets: EffectSets
     benefit: float
     cost: float
     gap: float
@@ -82,8 +83,8 @@ def oracle_choice(sets: EffectSets, capacity: float, unit: str) -> Choice:
         raise ValueError(f"unit is {unit!r}; it must be one of {', '.join(UNITS)}")
     cost = sets.ms if unit == "ms" else sets.rays
     solution = warned(solve(sets.benefit, cost, math.inf if unit == "none" else capacity, sets.object_id))
-    rows = np.flatnonzero(solution.chosen)
-    return Choice(rows, float(sets.benefit[rows].sum()), float(cost[rows].sum()), solution.gap)
+    chosen = solution.chosen
+    return Choice(sets.rows(chosen), float(sets.benefit[chosen].sum()), float(cost[chosen].sum()), solution.gap)
 
 
 def write_oracle(
@@ -151,19 +152,20 @@ def _chosen_row(judged: Judged, text: str, unit: str, amount: float) -> dict[str
         "pixels": pixels,
     }
     if math.isnan(row["capacity"]):
-        unknown = ("error_oracle", "benefit_oracle", "cost", "gap", "error_items", "benefit_items")
+        unknown = ("error_oracle", "benefit_oracle", "cost", "gap", "error_items", "benefit_items", "error_parts")
         return row | {"items": 0} | dict.fromkeys(unknown, math.nan)
-    choice = oracle_choice(truth.sets, amount, unit)
-    chosen = truth.items_of(choice.rows)
+    choice, parts = (oracle_choice(sets, amount, unit) for sets in (truth.sets, truth.parts))
+    chosen = truth.choice_of(choice.sets)
     # The plain knapsack over items, which takes what effects bring at a pixel for a sum.
     cost = truth.ms if unit == "ms" else truth.rays
     plain = warned(solve(truth.benefit, cost, row["capacity"])).chosen
     return row | {
-        "items": int(chosen.sum()),
+        "items": int((chosen > 0).sum()),
         "cost": choice.cost,
         "benefit_oracle": choice.benefit / pixels,
         "error_oracle": judged.error(judged.picture(chosen)),
-        "gap": choice.gap,
+        "gap": max(choice.gap, parts.gap),
+        "error_parts": judged.error(judged.picture(truth.choice_of(parts.sets))),
         "benefit_items": float(truth.benefit[plain].sum()) / pixels,
         "error_items": judged.error(judged.picture(plain)),
     }
@@ -188,15 +190,11 @@ def _set_rows(truth: ItemTruth, objects: Sequence[str]) -> dict[str, list[Any]]:
         "frame": [truth.frame] * len(sets),
         "object": [objects[number] for number in sets.object_id.tolist()],
         "object_id": sets.object_id.tolist(),
-        "effects": ["+".join(_names(sets.effect_names, bits)) for bits in sets.effects.tolist()],
+        "effects": ["+".join(name for name, n in zip(sets.effect_names, row, strict=True) if n) for row in sets.passes],
         "benefit": sets.benefit.tolist(),
         "rays": sets.rays.tolist(),
         "ms": sets.ms.tolist(),
     }
-
-
-def _names(effect_names: Sequence[str], bits: int) -> list[str]:
-    return [name for number, name in enumerate(effect_names) if bits >> number & 1]
 
 
 def write_table(path: Path, columns: Mapping[str, Sequence[Any]], types: Mapping[str, str]) -> None:
@@ -225,14 +223,15 @@ def read_sets(path: str | Path) -> dict[int, EffectSets]:
     table = import_arrow().parquet.read_table(path)
     texts = table["effects"].to_pylist()
     names = tuple(sorted({name for text in texts for name in text.split("+")}))
-    bits = np.array([sum(1 << names.index(name) for name in text.split("+")) for text in texts], np.int32)
+    passes = np.array([[PASSES * (name in text.split("+")) for name in names] for text in texts], np.uint8)
+    passes = passes.reshape(len(texts), len(names))
     frame, object_id, benefit, rays, ms = (
         table[name].to_numpy() for name in ("frame", "object_id", "benefit", "rays", "ms")
     )
     found = {}
     for number in np.unique(frame):
         rows = np.flatnonzero(frame == number)
-        found[int(number)] = EffectSets(names, object_id[rows], bits[rows], benefit[rows], rays[rows], ms[rows])
+        found[int(number)] = EffectSets(names, object_id[rows], passes[rows], benefit[rows], rays[rows], ms[rows])
     return found
 
 

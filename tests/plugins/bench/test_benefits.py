@@ -10,9 +10,10 @@ from scene_kit import GLASS, LAMBERT, MIRROR, Stage, at, ball, box, floor, hall
 
 import phrt
 from phrt.clock import RayClock
+from phrt.controls import ControlKey, Controls
 from phrt.errors import OptionError
 from phrt.frame import FrameResult
-from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic
+from phrt.interfaces.heuristic import PASSES, Candidates, FrameContext, Heuristic, Request
 from phrt.output.tonemap import to_8bit
 from phrt.scene import Scene
 from phrt_plugins.bench import benefits
@@ -23,18 +24,18 @@ EFFECTS = {"ambient_occlusion": {"samples": 2, "radius": 2.0}, "shadows": {"fall
 
 
 class Just(Heuristic):
-    """Traces the candidates of given (object, effect name) pairs, whole."""
+    """Traces so many passes of the candidates of given (object, effect name) pairs."""
 
     def __init__(self) -> None:
-        self.wanted: set[tuple[int, str]] = set()
-        self._left: list[int] = []
+        self.wanted: dict[tuple[int, str], int] = {}
+        self._left: list[Request] = []
 
     def begin_frame(self, candidates: Candidates, context: FrameContext) -> None:
         names = [candidates.effect_names[number] for number in candidates.effect.tolist()]
         pairs = zip(candidates.object_id.tolist(), names, strict=True)
-        self._left = [row for row, pair in enumerate(pairs) if pair in self.wanted]
+        self._left = [Request(row, self.wanted[pair]) for row, pair in enumerate(pairs) if pair in self.wanted]
 
-    def next(self, remaining: float) -> int | None:
+    def next(self, remaining: float) -> Request | None:
         return self._left.pop() if self._left else None
 
 
@@ -73,8 +74,10 @@ class RenderJust:
 
     def __call__(self, judged: Judged, chosen: np.ndarray) -> FrameResult:
         truth = judged.truth
-        names = [truth.effect_names[number] for number in truth.effect[chosen].tolist()]
-        self._just.wanted = set(zip(truth.object_id[chosen].tolist(), names, strict=True))
+        names = [truth.effect_names[number] for number in truth.effect.tolist()]
+        passes = (chosen * PASSES if chosen.dtype == bool else chosen).tolist()
+        pairs = zip(truth.object_id.tolist(), names, strict=True)
+        self._just.wanted = {pair: count for pair, count in zip(pairs, passes, strict=True) if count}
         return self._renderer.render(0.5, frame_index=7)
 
 
@@ -117,6 +120,21 @@ def test_a_picture_of_any_choice_is_the_renderers_own(judged: Judged, rendered: 
         assert judged.truth.error_of(chosen) == pytest.approx(error, abs=1e-12)
 
 
+def test_an_item_may_be_traced_in_part(judged: Judged, rendered: RenderJust) -> None:
+    truth, random = judged.truth, np.random.default_rng(2)
+    choices = [only(judged, item) * 1 for item in range(len(truth))]
+    choices += [random.choice([0, 1, 4], len(truth)) for _ in range(6)]
+    for passes in choices:
+        frame = rendered(judged, passes)
+        assert np.array_equal(judged.picture(passes), frame.image)
+        error = total_error(frame.image, judged.reference.image) / (SIZE[0] * SIZE[1])
+        assert truth.error_of(passes) == pytest.approx(error, abs=1e-12)
+        sets = truth.parts.rows(truth.sets_of(passes))
+        assert np.array_equal(truth.choice_of(sets), passes)
+        assert sets.rays.sum() == sum(count for name, count in frame.rays.items() if name != "primary")
+        assert sets.ms.sum() == pytest.approx(sets.rays.sum() * 1e-4)
+
+
 def test_everything_is_the_reference_and_nothing_is_the_floor(judged: Judged) -> None:
     truth = judged.truth
     with renderer_of(mixed(), heuristic="all_trace", history=False) as renderer:
@@ -139,10 +157,10 @@ def test_benefits_of_one_effect_add_up(judged: Judged, rendered: RenderJust) -> 
 
 
 def test_benefits_of_different_effects_do_not_add_up_but_those_of_sets_do(judged: Judged) -> None:
-    truth, sets = judged.truth, judged.truth.sets
+    truth = judged.truth
     everything = np.ones(len(truth), bool)
     assert abs(truth.benefit.sum() - truth.error_floor) > 0.01 * truth.error_floor
-    assert sets.benefit[truth.sets_of(everything)].sum() == pytest.approx(truth.error_floor, rel=1e-12)
+    assert truth.parts.benefit[truth.sets_of(everything)].sum() == pytest.approx(truth.error_floor, rel=1e-12)
 
 
 def test_every_set_of_an_objects_effects_is_there_once(judged: Judged) -> None:
@@ -151,13 +169,15 @@ def test_every_set_of_an_objects_effects_is_there_once(judged: Judged) -> None:
     for object_id in np.unique(truth.object_id):
         own = truth.effect[truth.object_id == object_id]
         for number in range(1, 2 ** len(own)):
-            wanted.append((int(object_id), sum(1 << int(e) for bit, e in enumerate(own) if number >> bit & 1)))
-    assert sorted(zip(sets.object_id.tolist(), sets.effects.tolist(), strict=True)) == sorted(wanted)
+            mine = [int(e) for bit, e in enumerate(own) if number >> bit & 1]
+            wanted.append((int(object_id), tuple(4 * (e in mine) for e in range(len(truth.effect_names)))))
+    assert sorted(zip(sets.object_id.tolist(), map(tuple, sets.passes.tolist()), strict=True)) == sorted(wanted)
     for row in range(len(sets)):
-        items = truth.items_of(np.array([row]))
+        items = truth.choice_of(sets.rows(np.array([row]))) > 0
         assert sets.rays[row] == truth.rays[items].sum()
         assert sets.ms[row] == pytest.approx(truth.ms[items].sum())
-        assert truth.sets_of(items).tolist() == [row]
+        (found,) = truth.sets_of(items)
+        assert truth.parts.benefit[found] == sets.benefit[row]
 
 
 def test_relevance_is_the_frames_own(judged: Judged) -> None:
@@ -167,7 +187,9 @@ def test_relevance_is_the_frames_own(judged: Judged) -> None:
 
 
 def test_how_the_renderer_was_set_up_does_not_matter(judged: Judged) -> None:
-    with renderer_of(mixed(), heuristic="gain", budget="100rays", group_by="object", persistence=0.5) as renderer:
+    scene = mixed()
+    scene.settings.track = [ControlKey(0.0, Controls(budget="50rays"))]
+    with renderer_of(scene, heuristic="gain", group_by="object", persistence=0.5) as renderer:
         renderer.render(0.4)
         other = judge(renderer, 0.5, 7).truth
         assert not renderer.measure_each
@@ -182,7 +204,7 @@ def test_items_pay_what_they_cost_together(judged: Judged) -> None:
     """Tracing an item alone takes longer than as one of many."""
 
     def ms(together: float) -> np.ndarray:
-        return Judged(judged.floor, judged.reference, together, judged._workers, "neutral").truth.ms
+        return Judged(judged.frames, together, judged._workers).truth.ms
 
     alone = judged.reference.decisions.milliseconds
     assert ms(float(alone.sum()) / 2) == pytest.approx(alone / 2)
@@ -213,8 +235,8 @@ def test_one_sample_per_pixel_only() -> None:
 def test_what_cannot_be_told_apart_is_refused() -> None:
     with pytest.raises(OptionError, match="effects 'a' and 'b' both write the layer 'visibility'"):
         benefits._check_layers(("a", "b"), ["visibility", "visibility"])
-    with pytest.raises(OptionError, match="9 effects; what items are worth can be told for up to 8 effects"):
-        benefits._check_layers(tuple("abcdefghi"), list("abcdefghi"))
+    with pytest.raises(OptionError, match="7 effects; what items are worth can be told for up to 6 effects"):
+        benefits._check_layers(tuple("abcdefg"), list("abcdefg"))
 
 
 def test_a_frame_without_items_has_nothing_to_choose_from() -> None:

@@ -46,12 +46,26 @@ def test_no_choice_of_items_makes_a_better_picture(truth: ItemTruth, share: floa
     capacity = float(cost.sum()) * share
     best = min(truth.error_of(c) for c in every_choice(len(truth)) if cost[c].sum() <= capacity * (1 + 1e-9))
     choice = oracle_choice(truth.sets, capacity, unit)
-    chosen = truth.items_of(choice.rows)
+    chosen = truth.choice_of(choice.sets) > 0
     assert truth.error_of(chosen) == pytest.approx(best, abs=1e-12)
     assert choice.cost == pytest.approx(float(cost[chosen].sum()))
     assert choice.cost <= capacity * (1 + 1e-9)
     assert choice.benefit == pytest.approx(truth.error_floor - best * truth.picture_pixels, abs=1e-9)
     assert choice.gap == 0
+
+
+@pytest.mark.parametrize("share", [0.05, 0.2, 0.5])
+def test_no_choice_of_parts_makes_a_better_picture(truth: ItemTruth, share: float) -> None:
+    parts, capacity = truth.parts, float(truth.rays.sum()) * share
+    error, rays = {}, {}
+    for passes in product((0, 1, 4), repeat=len(truth)):
+        sets = parts.rows(truth.sets_of(np.array(passes)))
+        error[passes], rays[passes] = truth.error_floor - float(sets.benefit.sum()), float(sets.rays.sum())
+    choice = oracle_choice(parts, capacity, "rays")
+    assert choice.cost <= capacity
+    best = min(error[passes] for passes in error if rays[passes] <= capacity)
+    assert truth.error_floor - choice.benefit == pytest.approx(best, abs=1e-9)
+    assert choice.benefit > oracle_choice(truth.sets, capacity, "rays").benefit
 
 
 def test_without_a_limit_the_oracle_shows_the_all_traced_picture() -> None:
@@ -61,13 +75,13 @@ def test_without_a_limit_the_oracle_shows_the_all_traced_picture() -> None:
         for choice in (
             oracle_choice(judged.truth.sets, math.inf, "rays"), oracle_choice(judged.truth.sets, 0.0, "none")
         ):  # fmt: skip
-            picture = judged.picture(judged.truth.items_of(choice.rows))
+            picture = judged.picture(judged.truth.choice_of(choice.sets))
             assert np.array_equal(to_8bit(picture), to_8bit(everything))
 
 
 def test_with_nothing_to_spend_the_oracle_chooses_nothing(truth: ItemTruth) -> None:
     choice = oracle_choice(truth.sets, 0.0, "rays")
-    assert (len(choice.rows), choice.benefit, choice.cost) == (0, 0.0, 0.0)
+    assert (len(choice.sets), choice.benefit, choice.cost) == (0, 0.0, 0.0)
 
 
 def test_what_two_effects_bring_together_counts() -> None:
@@ -75,13 +89,13 @@ def test_what_two_effects_bring_together_counts() -> None:
     sets = EffectSets(
         ("a", "b"),
         np.array([1, 1, 1, 2], np.int32),
-        np.array([1, 2, 3, 1], np.int32),
+        np.array([[4, 0], [0, 4], [4, 4], [4, 0]], np.uint8),
         np.array([-1.0, -1.0, 5.0, 4.0]),
         np.array([3, 3, 6, 6]),
         np.array([3.0, 3.0, 6.0, 6.0]),
     )
-    assert oracle_choice(sets, 6, "rays").rows.tolist() == [2]
-    assert oracle_choice(sets, 12, "ms").rows.tolist() == [2, 3]
+    assert oracle_choice(sets, 6, "rays").sets.benefit.tolist() == [5]
+    assert oracle_choice(sets, 12, "ms").sets.benefit.tolist() == [5, 4]
 
 
 def test_a_unit_that_is_none_is_refused(truth: ItemTruth) -> None:
@@ -143,6 +157,8 @@ def test_an_additive_choice_is_never_better(folder: Path) -> None:
     known = ~np.isnan(rows["error_items"])
     assert known.sum() == 6
     assert (np.array(rows["error_items"]) >= np.array(rows["error_oracle"]) - 1e-12)[known].all()
+    assert (np.array(rows["error_parts"]) <= np.array(rows["error_oracle"]) + 1e-12)[known].all()
+    assert rows["error_parts"][1] < rows["error_oracle"][1]
 
 
 def test_a_capacity_that_was_not_known_is_told_later(folder: Path) -> None:
