@@ -1,4 +1,4 @@
-"""Writes the tables of the documentation that come from the code: docs/gbuffer.md, docs/metrics.md and docs/options.md.
+"""Writes the tables of the documentation that come from the code: PAGES.
 
     .venv/bin/python docs/generate.py            rewrite what changed
     .venv/bin/python docs/generate.py --check    change nothing; leave with 1 where a page is out of date
@@ -11,9 +11,11 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+from pydantic import BaseModel
 
 from phrt.channels import CHANNELS, Channel
 from phrt.interfaces.effect import LayerSpec
@@ -21,9 +23,10 @@ from phrt.interfaces.metric import Column
 from phrt.registry import get_registry
 from phrt.registry.manager import KINDS, RegisteredPlugin, import_factory
 from phrt.registry.options import option_rows
+from phrt_plugins.bench.config import BenchConfig, HeuristicEntry, SceneEntry
 
 DOCS = Path(__file__).resolve().parent
-PAGES = ("gbuffer.md", "metrics.md", "options.md")
+PAGES = ("bench.md", "gbuffer.md", "metrics.md", "options.md")
 BLOCK = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 KIND_TITLES = {
@@ -110,7 +113,21 @@ def plugin_options(entry: RegisteredPlugin) -> str:
     return f"### {entry.kind} `{entry.name}`\n\n{entry.plugin.summary}\n\n{body}"
 
 
-TABLES: dict[str, Callable[[], str]] = {"channels": channels, "layers": layers, "metrics": metrics, "options": options}
+def keys(model: type[BaseModel]) -> str:
+    """One row a key of a config."""
+    rows = [(f"`{row.name}`", row.default, row.meaning) for row in option_rows(model)]
+    return table(("key", "default", "meaning"), rows)
+
+
+TABLES: dict[str, Callable[[], str]] = {
+    "channels": channels,
+    "layers": layers,
+    "metrics": metrics,
+    "options": options,
+    "bench": partial(keys, BenchConfig),
+    "bench_scenes": partial(keys, SceneEntry),
+    "bench_heuristics": partial(keys, HeuristicEntry),
+}
 
 
 def refreshed(text: str) -> str:

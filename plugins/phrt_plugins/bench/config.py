@@ -15,7 +15,7 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, WithJsonSchema, model_validator
 
 from phrt.budget import parse_budget
 from phrt.cli.parsing import parse_frames, parse_size
@@ -25,7 +25,7 @@ from phrt.errors import OptionError
 HALF = "half"
 """The budget that is half of the rays that tracing everything takes."""
 
-ALL_METRICS = "all"
+ALL_METRICS, WALL = "all", "wall"
 
 
 def _size(value: Any) -> Any:
@@ -89,7 +89,7 @@ class RayPrice(Described):
 
 
 def _clock(value: Any) -> Any:
-    if value == "wall":
+    if value in (WALL, None):
         return None
     if not isinstance(value, (dict, RayPrice)):
         raise ValueError(f"given {value!r}; allowed: wall, or {{rays: NANOSECONDS}}")
@@ -97,11 +97,19 @@ def _clock(value: Any) -> Any:
 
 
 def _metrics(value: Any) -> Any:
-    if value == ALL_METRICS:
+    if value in (ALL_METRICS, None):
         return None
     if not isinstance(value, (list, tuple)) or not value:
         raise ValueError(f"given {value!r}; allowed: all, or a list of names")
     return value
+
+
+def _clock_text(value: RayPrice | None) -> Any:
+    return WALL if value is None else value.model_dump()
+
+
+def _metrics_text(value: list[str] | None) -> Any:
+    return ALL_METRICS if value is None else value
 
 
 def _camera(value: Any) -> Any:
@@ -178,8 +186,9 @@ class BenchConfig(Described):
     )
     tracers: list[Text] = Field(default=["auto"], min_length=1, description="Tracers, or auto.")
     gbuffers: list[Text] = Field(default=["auto"], min_length=1, description="G-buffer producers, or auto.")
-    clock: Annotated[RayPrice | None, BeforeValidator(_clock)] = Field(
-        None,
+    clock: Annotated[RayPrice | None, BeforeValidator(_clock), PlainSerializer(_clock_text)] = Field(
+        default=WALL,
+        validate_default=True,
         description="wall for real time, or {rays: 100}: nanoseconds a ray, so that decisions are the same everywhere.",
     )
     repeats: Annotated[Whole, Field(ge=1, le=1000)] = Field(1, description="How often everything is run.")
@@ -193,8 +202,8 @@ class BenchConfig(Described):
     judge_every: Annotated[Whole, Field(ge=1, le=100_000)] = Field(
         5, description="Every how-manieth frame is compared with its reference."
     )
-    metrics: Annotated[list[Text] | None, BeforeValidator(_metrics)] = Field(
-        None, description="Metrics by name, or all of them."
+    metrics: Annotated[list[Text] | None, BeforeValidator(_metrics), PlainSerializer(_metrics_text)] = Field(
+        default=ALL_METRICS, validate_default=True, description="Metrics by name, or all of them."
     )
     pictures: Annotated[Whole, Field(ge=0, le=1000)] = Field(
         3, description="Judged frames, spread over the path, that are kept as pictures."
