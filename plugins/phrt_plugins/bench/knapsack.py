@@ -3,8 +3,8 @@
     maximise  sum of benefit[i] x[i]   with   sum of cost[i] x[i] <= budget,   x[i] 0 or 1,
 
 and, where items come in groups, at most one of each group (the multiple-choice knapsack). The knapsacks of a frame are solved in
-some milliseconds by `knapsack_states`; where that has too much to look at, HiGHS (scipy.optimize.milp) is asked, which takes 10 to
-350 ms for the same.
+some milliseconds by `knapsack_states`; where that has too much to look at, HiGHS (scipy.optimize.milp; Huangfu and Hall 2018) is
+asked, which takes 10 to 350 ms for the same.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Knapsacks solved exactly by looking at few states: bounds first, then what is left, one group after the other.
 
-Source: Kellerer, Pferschy and Pisinger, Knapsack Problems, 2004: dominated states (section 3.4, after Nemhauser and Ullmann
-1969), and the order from the break solution outwards with bounds (sections 5.4 and 11.3).
+Source: Kellerer et al. 2004, chapters 3, 5 and 11: lists of states that no other one outdoes (Nemhauser and Ullmann 1969), taken
+from the break solution outwards (the core), with bounds of the relaxed problem; for groups as well.
 """
 
 from __future__ import annotations
