@@ -142,7 +142,7 @@ def _cell(value: Any) -> Any:
     return "" if value is None else value
 
 
-def margins(figure: Any, left: float, bottom: float, right: float = 0.15, top: float = 0.15, **between: float) -> None:
+def margins(figure: Any, left: float, bottom: float, right: float = 0.3, top: float = 0.15, **between: float) -> None:
     """Room around the panels, inches; between: `wspace`, `hspace`, inches between panels. matplotlib's own layout engines need more
     time than the drawing."""
     width, height = figure.get_figwidth(), figure.get_figheight()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -13,17 +11,17 @@ from typing import Any
 import numpy as np
 
 from phrt_plugins.bench.results import BenchRun, Cell
+from phrt_plugins.report.maps import Pair, encoded, make_maps, read_picture, size_of
 
 MOST_BYTES = 8_000_000
-"""Of all pictures together, as they stand in the page."""
+"""Of all pictures together, as they stand in the page, about."""
+PICTURES_SHARE = 0.7
+"""Of them; the rest is for the maps."""
 BYTES_A_PIXEL = 0.5
 """About what a picture and its map take, as text."""
-MOST_MAP_PIXELS = 8_000_000
+MOST_MAP_PIXELS = 16_000_000
 """FLIP takes more than a second a million pixels: maps beyond this are left out."""
 THUMBNAIL_WIDTH = 320
-QUALITY = 90
-LOSSLESS_PIXELS = 40_000
-"""Small pictures show every fault."""
 REFERENCE, FLOOR = "reference (all-trace)", "raster only"
 
 
@@ -107,17 +105,30 @@ class Album:
 
     def make(self, advance: Callable[[], None]) -> None:
         """Fill `made`. advance: called once per frame."""
-        scale, spent, map_pixels = self._scale(), 0, 0
-        for setup, frame in self._order():
-            sources = self.sources[setup][frame]
-            if spent and spent * (1 + 1 / max(sum(map(len, self.made.values())), 1)) > MOST_BYTES:
+        scale, spent = self._scale(), 0
+        chosen: list[tuple[str, Frame]] = []
+        for setup, number in self._order():
+            if spent and spent * (1 + 1 / len(chosen)) > PICTURES_SHARE * MOST_BYTES:
                 self.left_out += 1
             else:
-                made, pixels = frame_of(frame, sources, scale, MOST_MAP_PIXELS - map_pixels)
-                map_pixels += pixels
-                spent += sum(len(shot.picture) + len(shot.map) for shot in made.shots)
-                self.made[setup] = sorted([*self.made[setup], made], key=lambda each: each.number)
+                frame = frame_of(number, self.sources[setup][number], scale)
+                spent += sum(len(shot.picture) for shot in frame.shots)
+                chosen.append((setup, frame))
             advance()
+        for setup, frame in self._with_maps(chosen):
+            self.made[setup] = sorted([*self.made[setup], frame], key=lambda each: each.number)
+
+    def _with_maps(self, chosen: list[tuple[str, Frame]]) -> Iterator[tuple[str, Frame]]:
+        """The frames with FLIP maps, as many as there is time for."""
+        room, wanted = MOST_MAP_PIXELS, []
+        for setup, frame in chosen:
+            for source in self.sources[setup][frame.number][1:]:
+                room -= math.prod(size_of(source.path))
+                wanted += [Pair(source.reference, source.path, frame.size)] if room >= 0 else []
+        maps = iter(make_maps(wanted))
+        for setup, frame in chosen:
+            shots = [frame.shots[0], *(replace(shot, map=next(maps, "")) for shot in frame.shots[1:])]
+            yield setup, replace(frame, shots=tuple(shots))
 
     @property
     def note(self) -> str:
@@ -155,46 +166,12 @@ def from_the_middle(numbers: list[int]) -> list[int]:
     return [numbers[place] for place in places]
 
 
-def frame_of(number: int, sources: Sequence[Source], scale: float, most_map_pixels: int) -> tuple[Frame, int]:
-    """A frame's pictures, and how many pixels of FLIP maps were made for it. most_map_pixels: no more than these."""
+def frame_of(number: int, sources: Sequence[Source], scale: float) -> Frame:
+    """A frame's pictures, without maps."""
     width, height = size_of(sources[0].path)
     target = max(1, round(width * scale)), max(1, round(height * scale))
-    shots, spent = [Shot(REFERENCE, encoded(read_picture(sources[0].path), target), "", 0.0)], 0
-    for source in sources[1:]:
-        picture = read_picture(source.path)
-        shot, pixels = Shot(source.name, encoded(picture, target), "", source.flip), math.prod(picture.shape[:2])
-        if spent + pixels <= most_map_pixels:
-            errors = flip_errors(read_picture(source.reference), picture)
-            if errors is not None:
-                shot, spent = replace(shot, map=encoded(magma(errors), target)), spent + pixels
-        shots.append(shot)
-    return Frame(number, target, tuple(shots)), spent
-
-
-def flip_errors(reference: np.ndarray, picture: np.ndarray) -> np.ndarray | None:
-    """(H, W) float32; None where FLIP cannot be found: its package is missing, or the pictures do not fit together."""
-    from phrt_plugins.metrics.flip import flip_map
-
-    try:
-        return flip_map(reference, picture)
-    except (ImportError, ValueError):
-        return None
-
-
-def read_picture(path: Path) -> np.ndarray:
-    """(H, W, 3) uint8 of a PNG."""
-    from PIL import Image
-
-    with Image.open(path) as image:
-        return np.asarray(image.convert("RGB"))
-
-
-def size_of(path: Path) -> tuple[int, int]:
-    """(width, height) of a PNG."""
-    from PIL import Image
-
-    with Image.open(path) as image:
-        return image.size
+    shots = (Shot(each.name, encoded(read_picture(each.path), target), "", each.flip) for each in sources)
+    return Frame(number, target, tuple(shots))
 
 
 def thumbnail(path: Path) -> str:
@@ -203,34 +180,3 @@ def thumbnail(path: Path) -> str:
     height, width = picture.shape[:2]
     share = min(1.0, THUMBNAIL_WIDTH / width)
     return encoded(picture, (max(1, round(width * share)), max(1, round(height * share))))
-
-
-def encoded(picture: np.ndarray, size: tuple[int, int]) -> str:
-    """(H, W, 3) uint8 as a data: link, made as large as `size` (width, height)."""
-    from PIL import Image
-
-    image = Image.fromarray(picture)
-    if image.size != size:
-        image = image.resize(size, Image.Resampling.LANCZOS)
-    out = io.BytesIO()
-    image.save(out, "WEBP", quality=QUALITY, method=3, lossless=math.prod(size) <= LOSSLESS_PIXELS)
-    return "data:image/webp;base64," + base64.b64encode(out.getvalue()).decode("ascii")
-
-
-def magma(errors: np.ndarray) -> np.ndarray:
-    """(H, W, 3) uint8: FLIP 0 to 1 in the colours that its authors show it in."""
-    table = (magma_table() * 255 + 0.5).astype(np.uint8)
-    return table[np.clip(errors * 255 + 0.5, 0, 255).astype(np.uint8)]
-
-
-def magma_table() -> np.ndarray:
-    """(256, 3) float64, sRGB 0 to 1."""
-    from matplotlib import colormaps
-
-    return np.asarray(colormaps["magma"](np.arange(256)))[:, :3]
-
-
-def magma_stops(count: int = 9) -> str:
-    """The colour bar, as stops of a CSS gradient."""
-    rows = np.linspace(0, 255, count).round().astype(int)
-    return ", ".join("#" + "".join(f"{round(part * 255):02x}" for part in magma_table()[row]) for row in rows)

@@ -12,7 +12,8 @@ from phrt_plugins.report import gather
 from phrt_plugins.report.drawing import looks
 from phrt_plugins.report.gather import Setup
 from phrt_plugins.report.html import page_of, write_page
-from phrt_plugins.report.pictures import Album, frames_of, magma_stops
+from phrt_plugins.report.maps import magma_stops
+from phrt_plugins.report.pictures import Album, frames_of
 from phrt_plugins.report.ranking import Ranking, rank_run
 from phrt_plugins.report.worst import worst_frames
 

@@ -81,6 +81,7 @@ def frame_times(key: str, budget: str, axis: str, traces: Sequence[Trace], looks
             axes.set_title(plain(trace.label), fontsize=9, pad=2)
             axes.set_title(said_of_limit(trace), fontsize=8.5, pad=2, loc="right", fontweight="normal")
             axes.set_ylim(0, top * 1.08)
+            axes.margins(x=0)
             axes.locator_params(axis="y", nbins=3)
         panels[-1].set_xlabel("frame")
         panels[-1].xaxis.get_major_locator().set_params(integer=True)

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from phrt_plugins.report import pictures
-from phrt_plugins.report.pictures import Album, Source, encoded, flip_errors, from_the_middle, magma, thumbnail
+from phrt_plugins.report import maps, pictures
+from phrt_plugins.report.maps import Pair, encoded, flip_errors, magma, make_maps, map_of
+from phrt_plugins.report.pictures import Album, Source, from_the_middle, thumbnail
 
 needs.package("matplotlib")
 NOISE = np.random.default_rng(3).integers(0, 256, (36, 64, 3), np.uint8)
@@ -106,7 +107,7 @@ def test_frames_beyond_the_room_are_left_out_and_said(tmp_path: Path, monkeypatc
     assert album.made["a"][0].number <= 2 <= album.made["a"][-1].number
     assert f"{album.left_out} further frames" in album.note
     taken = sum(len(s.picture) + len(s.map) for frames in album.made.values() for f in frames for s in f.shots)
-    assert taken < 150_000
+    assert taken < 200_000
 
 
 def test_many_contestants_make_pictures_smaller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -122,3 +123,22 @@ def test_maps_beyond_their_time_are_left_out_and_said(tmp_path: Path, monkeypatc
     album = made({"a": sources(tmp_path, 2)})
     assert sum(bool(shot.map) for frame in album.made["a"] for shot in frame.shots) == 3
     assert album.note == "1 of 4 pictures have no FLIP map."
+
+
+def test_processes_make_the_same_maps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    needs.package("flip_evaluator")
+    pairs = [Pair(each.reference, each.path, (64, 36)) for each in sources(tmp_path, 1, contestants=4)[0]]
+    Image.fromarray(NOISE[:20]).save(pairs[2].picture)
+    here = [map_of(pair) for pair in pairs]
+    assert [bool(link) for link in here] == [True, True, False, True, True]
+    monkeypatch.setattr(maps, "FEWEST_A_PROCESS", 2)
+    monkeypatch.setattr(maps, "usable_cores", lambda: 2)
+    assert make_maps(pairs) == here
+
+
+def test_a_process_that_dies_costs_its_maps_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pairs = [Pair(each.reference, each.path, (64, 36)) for each in sources(tmp_path, 1, contestants=3)[0]]
+    monkeypatch.setattr(maps, "FEWEST_A_PROCESS", 2)
+    monkeypatch.setattr(maps, "usable_cores", lambda: 2)
+    monkeypatch.setattr(maps.sys, "executable", "/bin/false")
+    assert make_maps(pairs) == ["", "", "", ""]
