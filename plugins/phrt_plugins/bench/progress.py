@@ -45,9 +45,10 @@ class RunProgress:
         """`task` has ended; what went wrong in it is said."""
         self._done += 1
         self._ended += self._weights.get(_id(task), 0.0)
-        for text in dict.fromkeys(said):
-            messages().print(f"warning: {text}", markup=False)
-            terminal.warned.append(text)
+        for text in said:
+            if text not in terminal.warned:
+                terminal.warned.append(text)
+                messages().print(f"warning: {text}", markup=False)
         if self._bar is not None:
             self._bar.update(self._task, completed=self._ended, description=task.title)
         elif time.perf_counter() - self._spoken > LINE_EVERY_S:
