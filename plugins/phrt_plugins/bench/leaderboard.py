@@ -335,6 +335,8 @@ def _count(some: int, of: int) -> str:
 
 
 def _listed(names: Sequence[str]) -> str:
+    if len(names) > 3:
+        names = (*names[:2], f"{len(names) - 2} others")
     return f"{', '.join(names[:-1])} and {names[-1]}"
 
 

@@ -27,6 +27,9 @@ Statistic = Literal["mean", "share", "p50", "p95", "p99", "max", "sum", "rate"]
 
 Verdict = Literal["better", "worse", "no difference shown"]
 
+FEWEST_FRAMES = 6
+"""Of fewer independent frames not even the range of all holds the truth in 95 % of the cases: 1 - 2^(1 - n) of them, roughly."""
+
 FEWEST_BLOCKS = 4
 """Blocks are not made so long that fewer than these cover the frames."""
 
@@ -38,7 +41,7 @@ _AT_A_TIME = 4_000_000
 class Interval:
     """A value, and between what it may well be, had other frames of the kind been rendered (95 %).
 
-    low and high are NaN where there is no interval: fewer than two frames, or a maximum. frames: how many were counted.
+    low and high are NaN where there is no interval: fewer than FEWEST_FRAMES, or a maximum. frames: how many were counted.
     """
 
     value: float
@@ -101,7 +104,7 @@ def intervals(
     if not len(values):
         return [NOTHING] * len(statistics)
     found = [statistic_of(values, statistic) for statistic in statistics]
-    if len(values) < 2:
+    if len(values) < FEWEST_FRAMES:
         return [Interval(value, math.nan, math.nan, len(values)) for value in found]
     draws = _draws(values, segments, statistics, resampling)
     made = [_between(value, drawn, segments, resampling) for value, drawn in zip(found, draws, strict=True)]
@@ -128,7 +131,7 @@ def paired_interval(
     if not len(a):
         return NOTHING
     value = statistic_of(a, statistic) - statistic_of(b, statistic)
-    if len(a) < 2:
+    if len(a) < FEWEST_FRAMES:
         return Interval(value, math.nan, math.nan, len(a))
     # The same seed draws the same frames of both.
     drawn = [_draws(values, segments_, [statistic], resampling)[0] for values in (a, b)]
@@ -154,7 +157,7 @@ def ratio_interval(
     if not len(sums[0]) or sums[1].sum() == 0.0:
         return NOTHING
     value = float(sums[0].sum() / sums[1].sum())
-    if len(sums[0]) < 2:
+    if len(sums[0]) < FEWEST_FRAMES:
         return Interval(value, math.nan, math.nan, len(sums[0]))
     return _between(value, _drawn_ratios(sums[0], sums[1], segments_, resampling), segments_, resampling)
 

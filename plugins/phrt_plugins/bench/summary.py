@@ -225,7 +225,8 @@ def metrics_of(run: BenchRun) -> list[Metric]:
     from phrt_plugins.metrics.measure import available_metrics, make_metric
 
     made = []
-    for name in run.config.get("metrics") or available_metrics():
+    named = run.config.get("metrics")
+    for name in named if isinstance(named, list) else available_metrics():
         try:
             made.append(make_metric(name, {}))
         except PluginError as error:

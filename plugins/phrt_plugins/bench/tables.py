@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from phrt.errors import OptionError, did_you_mean
 from phrt_plugins.bench.leaderboard import Board, Entry, board_names, metric_name
-from phrt_plugins.bench.statistics import NOTHING, Interval
+from phrt_plugins.bench.statistics import FEWEST_FRAMES, NOTHING, Interval
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -193,6 +193,10 @@ def _notes(board: Board) -> list[str]:
     ]
     if board.at_cost:
         notes.append(f"{board.first[0].label} is first with {board.at_cost} of the next.")
+    if any(entry.value("oracle_share").value > 1.0 for entry in board.ranked):
+        notes.append("The oracle has no values of earlier frames; who keeps them can pass it.")
+    if board.frames < FEWEST_FRAMES:
+        notes.append(f"Fewer than {FEWEST_FRAMES} frames show no difference.")
     if board.clock != "wall":
         notes.append(f"Times are those of a clock of rays, {board.clock}.")
     notes += [f"{entry.label} failed: {entry.reason}." for entry in board.entries if entry.state == "failed"]
@@ -223,7 +227,10 @@ def _cell(value: Interval, metric: str, sign: str = "", strong: bool = False) ->
 
 
 def _written(value: float, form: str, sign: str) -> str:
-    return format(100 * value, f"{sign}.1f") if form == PERCENT else format(value, sign + form)
+    value, form = (100 * value, ".1f") if form == PERCENT else (value, form)
+    shown = format(value, sign + form)
+    # No "-0.0".
+    return format(0.0, sign + form) if float(shown) == 0.0 else shown
 
 
 def _known(value: Interval) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -88,7 +89,11 @@ def test_equal_pictures_share_a_rank(tmp_path: Path) -> None:
     folder = one_board(tmp_path / "run")
     for label in ("gain", "selection_graph", "raster_only"):
         rewrite(folder, label, lambda frame, old: 0.0)
-    assert [rank for rank, _ in ranks(boards_of(folder)[0])] == [1, 1, 1]
+    board = boards_of(folder)[0]
+    assert [rank for rank, _ in ranks(board)] == [1, 1, 1]
+    assert verdict([board]).startswith("gain, raster_only and selection_graph share the first place")
+    more = Board(**{**vars(board), "entries": (*board.entries, replace(board.entries[0], label="x"))})
+    assert verdict([more]).startswith("gain, raster_only and 2 others share the first place")
 
 
 def test_a_rank_is_shared_with_its_first_not_with_its_last(tmp_path: Path) -> None:

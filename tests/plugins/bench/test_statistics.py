@@ -158,9 +158,13 @@ def test_a_frame_that_is_missing_on_one_side_is_left_out_of_both() -> None:
         paired_interval(a, b[:3])
 
 
-def test_one_frame_and_a_maximum_have_no_interval() -> None:
-    assert not interval(np.array([3.0])).known
-    assert interval(np.array([3.0])).value == 3.0
+def test_few_frames_and_a_maximum_have_no_interval() -> None:
+    for frames in (1, 5):
+        assert not interval(np.arange(frames)).known
+        assert not paired_interval(np.arange(frames), np.zeros(frames)).known
+        assert not ratio_interval(np.ones(frames), np.ones(frames)).known
+    assert interval(np.arange(5.0)).value == 2.0
+    assert interval(np.arange(6.0)).known
     assert not interval(np.arange(50.0), None, "max").known
     assert interval(np.arange(50.0), None, "max").value == 49.0
     assert not paired_interval(np.arange(50.0), np.zeros(50), None, "max").known
@@ -239,11 +243,11 @@ def test_the_block_length_follows_the_frames() -> None:
     assert default_block_length(np.zeros(300)) == 26
     assert default_block_length(in_segments(300, 10)) == 10
     assert default_block_length(np.zeros(12)) == 3
-    assert default_block_length(np.zeros(2)) == 1
+    assert default_block_length(np.zeros(6)) == 1
 
 
 @given(
-    st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=40),
+    st.lists(st.floats(-1e6, 1e6), min_size=6, max_size=40),
     st.integers(1, 12),
     st.sampled_from(["mean", "p50", "p95", "p99"]),
 )

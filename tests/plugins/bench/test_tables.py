@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -83,6 +84,16 @@ def test_notes_say_what_times_are_and_what_being_first_takes() -> None:
     ].notes
     assert "gain is first with 45.0 ms a frame against 40.0 ms of the next." in notes
     assert "Times are those of a clock of rays, 100 ns a ray." in notes
+
+
+def test_shares_of_an_oracle_that_has_no_history_may_pass_it() -> None:
+    ahead = entry("gain", 1, 0.04)
+    ahead = replace(ahead, values=ahead.values | {"oracle_share": value(1.4), "late_share": value(-0.0001, 0.0)})
+    grid = grids([board(ahead, frames=3)])[0]
+    assert "The oracle has no values of earlier frames; who keeps them can pass it." in grid.notes
+    assert "Fewer than 6 frames show no difference." in grid.notes
+    assert "-0.0" not in [cell.value for cell in grid.rows[0]]
+    assert "0.0 %" in [cell.value for cell in grid.rows[0]]
 
 
 def test_boards_are_told_apart_by_what_varies() -> None:
