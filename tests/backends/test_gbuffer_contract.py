@@ -6,18 +6,17 @@ import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import gbuffer_scenes as scenes
 import needs
 import numpy as np
 import pytest
-from gbuffer_scenes import SIZE, at, front_view, quad
 
 import phrt
 from phrt.camera import CameraView, look_at
 from phrt.channels import CHANNELS, GBuffer
 from phrt.conventions import NO_PRIMITIVE
-from phrt.kernels.arrays import SurfaceArrays, surface_arrays
 from phrt.model import Image, Material, Mesh, TextureRef
+from phrt.testing import worlds as scenes
+from phrt.testing.worlds import SIZE, at, front_view, quad
 from phrt.world import Changes, World
 from phrt_backends.gbuffers.moderngl_context import moderngl_reason
 from phrt_backends.gbuffers.moderngl_producer import ModernglProducer
@@ -371,69 +370,6 @@ def pair() -> Iterator[Callable[[World], tuple[Rig, Rig]]]:
         rig.close()
 
 
-def busy_world() -> World:
-    """Spheres and quads in many materials: textured, masked, mirrored, moved out of centre, one inside out."""
-    rng = np.random.default_rng(11)
-    noise = rng.integers(0, 255, (8, 8, 4), dtype=np.uint8).repeat(16, axis=0).repeat(16, axis=1)
-    images = [Image("noise", noise), scenes.four_colors(), scenes.half_covered()]
-    materials = [
-        Material(base_color_texture=TextureRef(0), normal_texture=TextureRef(0), normal_scale=0.3),
-        Material(double_sided=True, alpha_mode="MASK", base_color_texture=TextureRef(2, nearest=True, scale=(4, 1))),
-        Material(metallic=0.9, roughness=0.2, metallic_roughness_texture=TextureRef(0, wrap_s="mirror", scale=(3, 2))),
-    ]
-    placed = [
-        (scenes.sphere(24, 0.5), at(x=-0.7, z=-0.5)),
-        (scenes.sphere(16, 0.4), at(x=0.6, y=0.4, z=-1, scale=(-1, 1.5, 1))),
-    ]
-    placed += [(quad(1, tangents=True), at(x=0.3, y=-0.5, z=-0.4)), (quad(2, half=6), at(z=-3))]
-    return scenes.world_of(placed, materials, images)
-
-
-@pytest.mark.parametrize("eye", [(0.0, 0.0, 2.0), (1.5, 1.0, 1.2), (-0.7, 0.0, -0.2)])
-def test_both_producers_see_the_same(pair: Callable[[World], tuple[Rig, Rig]], eye: tuple[float, float, float]) -> None:
-    gl, rays = pair(busy_world())
-    view = front_view(
-        width=96, height=64, tan_half=(0.75, 0.5), world_from_view=look_at(eye, (0, 0, -1)), jitter=(0.1, -0.2)
-    )
-    a, b = gl(view), rays(view)
-    for name in ("object_id", "material_id"):
-        assert np.mean(a.arrays[name] != b.arrays[name]) < 0.01, name
-    same = (a.primitive_id == b.primitive_id) & (a.object_id > 0)
-    assert np.mean(a.primitive_id != b.primitive_id) < 0.02
-    assert same.mean() > 0.5
-    np.testing.assert_allclose(a.depth[same], b.depth[same], rtol=1e-3)
-    np.testing.assert_allclose(a.position_world[same], b.position_world[same], atol=2e-3)
-    np.testing.assert_allclose(a.normal_geometric_world[same], b.normal_geometric_world[same], atol=1e-5)
-    # Textures are filtered by different footprints: equal nearly everywhere, close on average.
-    for name, limit in {
-        "normal_world": 0.05,
-        "base_color": 0.05,
-        "metallic": 0.03,
-        "roughness": 0.03,
-        "alpha": 1e-6,
-    }.items():
-        difference = np.abs(a.arrays[name][same] - b.arrays[name][same])
-        assert difference.mean() < limit / 3, name
-        assert np.mean(difference > limit) < 0.05, name
-
-
-def test_both_producers_agree_on_motion(pair: Callable[[World], tuple[Rig, Rig]]) -> None:
-    gl, rays = pair(busy_world())
-    for rig in (gl, rays):
-        rig(front_view())
-    gl.world.set_object_matrix(1, at(x=-0.6, y=0.1, z=-0.4))
-    changes = gl.world.advance(0.0)
-    assert rays.tracer is not None
-    rays.tracer.update(gl.world, changes)
-    gl.producer.update(gl.world, changes)
-    rays.producer.update(gl.world, changes)
-    view = front_view(world_from_view=look_at((0.1, 0.05, 1.9), (0, 0, 0)))
-    a, b = gl(view), rays(view)
-    same = (a.primitive_id == b.primitive_id) & (a.object_id > 0)
-    assert np.abs(a.motion[same]).max() > 1.0
-    np.testing.assert_allclose(a.motion[same], b.motion[same], atol=2e-2)
-
-
 @pytest.mark.parametrize("name", ["TextureSettingsTest", "NegativeScaleTest", "TextureTransformTest", "MultiUVTest"])
 def test_both_producers_see_real_models_the_same(
     pair: Callable[[World], tuple[Rig, Rig]], assets: Path, name: str
@@ -450,17 +386,3 @@ def test_both_producers_see_real_models_the_same(
     difference = np.abs(a.base_color[same] - b.base_color[same])
     assert difference.mean() < 0.02
     assert np.mean(difference > 0.1) < 0.03
-
-
-def test_points_are_the_pixels_of_the_g_buffer_row_by_row(make: Make) -> None:
-    materials = [Material(transmission=1.0), Material()]
-    world = scenes.world_of([(quad(0, half=0.7), at()), (quad(1, half=0.5), at(z=-1))], materials)
-    rig = make(world)
-    view = front_view()
-    pixels = np.random.default_rng(1).permutation(view.width * view.height).astype(np.int32)[:300]
-    for hidden in (None, ~world.object_opaque):
-        expected = SurfaceArrays(*(array[pixels] for array in surface_arrays(rig(hidden=hidden))))
-        points = rig.producer.points(view, pixels, hidden=hidden)
-        assert len(np.unique(points.object_id)) > 1
-        for name, values in zip(SurfaceArrays._fields, points, strict=True):
-            np.testing.assert_array_equal(values, getattr(expected, name), err_msg=name)

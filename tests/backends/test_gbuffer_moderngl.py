@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 
-import gbuffer_scenes as scenes
 import needs
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from phrt.camera import look_at
 from phrt.channels import CHANNELS
 from phrt.errors import PluginError
 from phrt.model import Material, Mesh
+from phrt.testing import worlds as scenes
 from phrt.world import World
 from phrt_backends.gbuffers.moderngl_context import gl_info, moderngl_reason, open_context
 from phrt_backends.gbuffers.moderngl_layout import MATERIAL_CHANNELS, layout_for

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from gbuffer_scenes import SIZE, at, front_view, quad, world_of
 
 from phrt.channels import CHANNELS
+from phrt.testing.worlds import SIZE, at, front_view, quad, world_of
 from phrt_backends.gbuffers.raycast import RaycastProducer
 from phrt_backends.gbuffers.raycast_options import RaycastOptions
 from phrt_backends.options import NumpyOptions

@@ -5,13 +5,13 @@ from __future__ import annotations
 import needs
 import numpy as np
 import pytest
-from gbuffer_scenes import at, four_colors, front_view, sphere, world_of
 
 from phrt.channels import CHANNELS, GBuffer
 from phrt.interfaces.gbuffer import GBufferProducer
 from phrt.interfaces.tracer import Tracer
 from phrt.model import Material, TextureRef, Track
 from phrt.registry.manager import get_registry
+from phrt.testing.worlds import at, four_colors, front_view, sphere, world_of
 from phrt.workers import Workers
 from phrt.world import World
 

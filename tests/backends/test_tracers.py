@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -153,27 +152,6 @@ def assert_same_hits(actual: HitBatch, expected: HitBatch, different: float = 0.
     assert np.isfinite(actual.distance[actual.primitive != NO_PRIMITIVE]).all()
 
 
-def test_hit_of_a_triangle_has_distance_primitive_and_barycentrics(tracer: Tracer) -> None:
-    tracer.build(TracerWorld([unit_triangle(-5.0), unit_triangle(0.0)]))
-    hits = tracer.closest_hit(
-        rays_of([[0.25, 0.5, 2.0], [0.25, 0.5, -7.0], [2.0, 2.0, 2.0]], [[0, 0, -1], [0, 0, 1], [0, 0, -1]])
-    )
-    assert hits.distance.dtype == np.float32
-    assert hits.primitive.dtype == np.uint32
-    assert hits.barycentric.dtype == np.float32
-    np.testing.assert_allclose(hits.distance, [2.0, 2.0, np.inf], rtol=1e-6)
-    assert hits.primitive.tolist() == [1, 0, NO_PRIMITIVE]
-    np.testing.assert_allclose(hits.barycentric[:2], [[0.25, 0.5], [0.25, 0.5]], atol=1e-6)
-
-
-def test_ray_from_inside_a_box_hits_the_wall_ahead(tracer: Tracer) -> None:
-    tracer.build(TracerWorld([box()], matrices=[translation(3, 0, 0)]))
-    directions = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
-    start = np.array([3.0, 0.1, 0.05])
-    expected = np.where(directions > 0, 0.5 - (start - [3, 0, 0]), 0.5 + (start - [3, 0, 0]))[directions != 0]
-    np.testing.assert_allclose(tracer.closest_hit(rays_of(start, directions)).distance, expected, rtol=1e-5)
-
-
 def test_distances_to_a_sphere_are_those_of_the_formula(tracer: Tracer) -> None:
     tracer.build(TracerWorld([sphere(96, 192)]))
     random = np.random.default_rng(3)
@@ -186,64 +164,6 @@ def test_distances_to_a_sphere_are_those_of_the_formula(tracer: Tracer) -> None:
     clear = discriminant > 0.05
     hits = tracer.closest_hit(rays_of(origin[clear], direction[clear]))
     np.testing.assert_allclose(hits.distance, -b[clear] - np.sqrt(discriminant[clear]), atol=4e-3)
-
-
-@pytest.mark.parametrize(
-    ("t_max", "hit"),
-    [
-        (np.inf, True),
-        (1e30, True),
-        (2.5, True),
-        (2.001, True),
-        (2.0, False),
-        (1.999, False),
-        (0.0, False),
-        (-1.0, False),
-    ],
-)
-def test_only_hits_nearer_than_t_max_count(tracer: Tracer, t_max: float, hit: bool) -> None:
-    tracer.build(TracerWorld([unit_triangle()]))
-    rays = rays_of([0.25, 0.25, 2.0], [0, 0, -1], t_max)
-    hits = tracer.closest_hit(rays)
-    assert np.isfinite(hits.distance).tolist() == [hit]
-    assert (hits.primitive != NO_PRIMITIVE).tolist() == [hit]
-    assert tracer.occluded(rays).tolist() == [hit]
-
-
-def test_t_max_is_per_ray(tracer: Tracer) -> None:
-    tracer.build(TracerWorld([unit_triangle(-1.0), unit_triangle(-3.0)]))
-    limits = np.array([0.5, 2.0, 4.0, np.inf], np.float32)
-    rays = rays_of(np.tile([0.2, 0.2, 0.0], (4, 1)), [0, 0, -1], limits)
-    assert tracer.occluded(rays).tolist() == [False, True, True, True]
-    np.testing.assert_allclose(tracer.closest_hit(rays).distance, [np.inf, 1.0, 1.0, 1.0], rtol=1e-6)
-
-
-def test_geometry_behind_the_origin_is_missed(tracer: Tracer) -> None:
-    tracer.build(TracerWorld([unit_triangle()]))
-    rays = rays_of([0.25, 0.25, 1e-3], [0, 0, 1])
-    assert tracer.closest_hit(rays).primitive.tolist() == [NO_PRIMITIVE]
-    assert tracer.occluded(rays).tolist() == [False]
-
-
-def test_rays_that_are_not_numbers_miss_and_their_neighbours_do_not(tracer: Tracer) -> None:
-    tracer.build(TracerWorld([unit_triangle()]))
-    rays = rays_of(np.tile([0.25, 0.25, 2.0], (20, 1)), [0, 0, -1])
-    rays.origin[3, 0] = np.nan
-    rays.direction[7] = np.nan
-    rays.origin[9, 2] = np.inf
-    rays.direction[11] = 0.0
-    rays.t_max[13] = np.nan
-    expected = np.ones(20, bool)
-    expected[[3, 7, 9, 11, 13]] = False
-    assert np.array_equal(tracer.closest_hit(rays).primitive == 0, expected)
-    assert np.array_equal(tracer.occluded(rays), expected)
-
-
-def test_objects_that_cast_no_shadow_are_seen_but_do_not_block(tracer: Tracer) -> None:
-    tracer.build(TracerWorld([unit_triangle(-1.0), unit_triangle(-3.0)], casts=[False, True]))
-    rays = rays_of(np.tile([0.2, 0.2, 0.0], (2, 1)), [0, 0, -1], [2.0, 4.0])
-    assert tracer.closest_hit(rays).primitive.tolist() == [0, 0]
-    assert tracer.occluded(rays).tolist() == [False, True]
 
 
 def test_rays_for_opaque_objects_alone_may_leave_out_the_others_and_never_an_opaque_one(tracer: Tracer) -> None:
@@ -259,36 +179,6 @@ def test_rays_for_opaque_objects_alone_may_leave_out_the_others_and_never_an_opa
         assert (near, far) == (NO_PRIMITIVE, 1)
 
 
-@pytest.mark.parametrize("count", [0, 1, 15, 16, 17, 33])
-def test_any_number_of_rays_is_answered(tracer: Tracer, count: int) -> None:
-    tracer.build(TracerWorld([unit_triangle()]))
-    rays = rays_of(
-        np.tile([0.25, 0.25, 2.0], (count, 1)).reshape(count, 3), np.tile([0, 0, -1], (count, 1)).reshape(count, 3)
-    )
-    hits = tracer.closest_hit(rays)
-    assert hits.distance.shape == (count,)
-    assert hits.barycentric.shape == (count, 2)
-    assert (hits.primitive == 0).all()
-    blocked = tracer.occluded(rays)
-    assert blocked.dtype == bool
-    assert blocked.shape == (count,)
-    assert blocked.all()
-
-
-def test_an_empty_scene_is_missed_by_every_ray(tracer: Tracer) -> None:
-    tracer.build(TracerWorld([]))
-    rays = random_rays(20, seed=1)
-    assert (tracer.closest_hit(rays).primitive == NO_PRIMITIVE).all()
-    assert not tracer.occluded(rays).any()
-
-
-def test_objects_without_triangles_shift_no_ids(tracer: Tracer) -> None:
-    nothing = (np.zeros((0, 3)), np.zeros((0, 3), int))
-    tracer.build(TracerWorld([nothing, unit_triangle(-1.0), nothing, unit_triangle(-3.0)]))
-    hits = tracer.closest_hit(rays_of([[0.2, 0.2, 0.0], [0.2, 0.2, -2.0]], [0, 0, -1]))
-    assert hits.primitive.tolist() == [0, 1]
-
-
 def test_broken_triangles_are_missed_and_hide_nothing(tracer: Tracer) -> None:
     vertices, triangles = unit_triangle()
     broken = vertices.copy()
@@ -297,20 +187,6 @@ def test_broken_triangles_are_missed_and_hide_nothing(tracer: Tracer) -> None:
     tracer.build(TracerWorld([(broken, triangles), (vertices, triangles), (np.zeros((3, 3)), triangles)]))
     hits = tracer.closest_hit(rays_of([0.25, 0.25, 2.0], [0, 0, -1]))
     assert hits.primitive.tolist() == [1]
-
-
-def test_random_soup_is_answered_as_by_the_oracle(tracer: Tracer) -> None:
-    world = TracerWorld([soup(300, seed=1), soup(200, seed=2), soup(1, seed=3)], casts=[True, False, True])
-    oracle = make_tracer("numpy")
-    tracer.build(world)
-    oracle.build(world)
-    rays = random_rays(4000, seed=5)
-    assert_same_hits(tracer.closest_hit(rays), oracle.closest_hit(rays))
-    for t_max in (0.3, 1.0, np.inf):
-        shadow = random_rays(4000, seed=6, t_max=t_max)
-        expected = oracle.occluded(shadow)
-        assert 0.02 < expected.mean() < 0.98
-        assert np.count_nonzero(tracer.occluded(shadow) != expected) <= 8
 
 
 def test_oracle_agrees_with_brute_force() -> None:
@@ -335,34 +211,6 @@ def test_coherent_is_only_a_hint() -> None:
     hinted = RayBatch(rays.origin, rays.direction, rays.t_max, coherent=True)
     assert_same_hits(tracer.closest_hit(hinted), tracer.closest_hit(rays))
     assert np.count_nonzero(tracer.occluded(hinted) != tracer.occluded(rays)) <= 1
-
-
-def test_queries_change_no_input(tracer: Tracer) -> None:
-    world = TracerWorld([soup(50, seed=1)])
-    before = [a.copy() for a in (world.positions, world.triangles, world.first_triangle)]
-    tracer.build(world)
-    rays = random_rays(100, seed=2, t_max=1.5)
-    copies = [a.copy() for a in (rays.origin, rays.direction, rays.t_max)]
-    for array in (rays.origin, rays.direction, rays.t_max):
-        array.flags.writeable = False
-    tracer.closest_hit(rays)
-    tracer.occluded(rays)
-    assert all(np.array_equal(a, b) for a, b in zip((rays.origin, rays.direction, rays.t_max), copies, strict=True))
-    after = (world.positions, world.triangles, world.first_triangle)
-    assert all(np.array_equal(a, b) for a, b in zip(after, before, strict=True))
-
-
-def test_threads_get_the_answers_of_one_thread(tracer: Tracer) -> None:
-    tracer.build(TracerWorld([soup(150, seed=1)]))
-    batches = [random_rays(500, seed=seed) for seed in range(12)]
-    expected = [(tracer.closest_hit(rays), tracer.occluded(rays)) for rays in batches]
-    with ThreadPoolExecutor(4) as pool:
-        hits = list(pool.map(tracer.closest_hit, batches))
-        blocked = list(pool.map(tracer.occluded, batches))
-    for (expected_hits, expected_blocked), actual_hits, actual_blocked in zip(expected, hits, blocked, strict=True):
-        assert np.array_equal(actual_hits.distance, expected_hits.distance)
-        assert np.array_equal(actual_hits.primitive, expected_hits.primitive)
-        assert np.array_equal(actual_blocked, expected_blocked)
 
 
 def grid_world() -> TracerWorld:
@@ -404,31 +252,6 @@ def test_moving_objects_are_found_where_a_fresh_build_finds_them(tracer: Tracer)
         primitive = tracer.closest_hit(rays).primitive
         assert set(objects) <= set(world.triangle_object[primitive[primitive != NO_PRIMITIVE]].tolist())
         fresh.close()
-
-
-@pytest.mark.parametrize("scale", [(1, 1, 0), (0, 0, 0)])
-def test_an_object_may_be_flattened_and_come_back(tracer: Tracer, scale: tuple[float, float, float]) -> None:
-    world = TracerWorld([box(), unit_triangle(-9.0)])
-    tracer.build(world)
-    rays = rays_of([0.2, 0.3, 5.0], [0, 0, -1])
-    flat = np.diag([*scale, 1.0])
-    world.place(1, flat)
-    tracer.update(world, moved([1]))
-    np.testing.assert_allclose(tracer.closest_hit(rays).distance, [5.0 if scale[0] else 14.0], rtol=1e-5)
-    world.place(1, translation(0, 0, 1))
-    tracer.update(world, moved([1]))
-    np.testing.assert_allclose(tracer.closest_hit(rays).distance, [3.5], rtol=1e-5)
-
-
-def test_when_everything_moves_nothing_stays_behind(tracer: Tracer) -> None:
-    world = TracerWorld([box(), box()], [translation(0, 0, 0), translation(5, 0, 0)])
-    tracer.build(world)
-    for object_id, x in ((1, 10.0), (2, 20.0)):
-        world.place(object_id, translation(x, 0, 0))
-    tracer.update(world, moved([1, 2]))
-    hits = tracer.closest_hit(rays_of([[0.1, 0.2, 5], [5.1, 0.2, 5], [10.1, 0.2, 5], [20.1, 0.2, 5]], [0, 0, -1]))
-    np.testing.assert_allclose(hits.distance, [np.inf, np.inf, 4.5, 4.5], rtol=1e-6)
-    assert (world.triangle_object[hits.primitive[2:]] == [1, 2]).all()
 
 
 def test_moving_objects_leave_the_others_bvh_alone(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -483,14 +306,6 @@ def test_queries_before_build_and_after_close_are_refused(tracer: Tracer) -> Non
     tracer.close()
     with pytest.raises(PhrtError, match="call build first"):
         tracer.occluded(rays)
-
-
-def test_a_tracer_can_be_built_again(tracer: Tracer) -> None:
-    rays = rays_of([0.2, 0.2, 5.0], [0, 0, -1])
-    tracer.build(TracerWorld([unit_triangle(0.0)]))
-    world = TracerWorld([unit_triangle(2.0), unit_triangle(0.0)])
-    tracer.build(world)
-    np.testing.assert_allclose(tracer.closest_hit(rays).distance, [3.0], rtol=1e-6)
 
 
 def load_meshes(path: Path) -> list[tuple[np.ndarray, np.ndarray]]:

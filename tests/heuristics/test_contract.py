@@ -1,4 +1,4 @@
-"""What every heuristic that ships keeps: the budget, no item twice, mandatory ones first, no matter how candidates are ordered."""
+"""What every heuristic that ships keeps: the contract, and more than it asks for."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 import pytest
-from candidate_kit import candidates, context, items_of, one_frame, rows
+from candidate_kit import candidates, context, items_of, one_frame
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phrt.interfaces.heuristic import PASSES, Candidates, Request
+from phrt.interfaces.heuristic import PASSES, Candidates
 from phrt.registry import get_registry
+from phrt.testing import check_heuristic
 
 NAMES = sorted(entry.name for entry in get_registry().plugins("heuristic") if entry.origin == "built-in")
 CHOOSING = [name for name in NAMES if name != "raster_only"]
@@ -22,7 +23,6 @@ VARIANTS = [
 ]
 
 works = st.lists(st.tuples(st.integers(1, 50), st.integers(0, 8), st.booleans()), max_size=30)
-budgets = st.one_of(st.just(math.inf), st.integers(0, 600).map(float))
 
 
 def made_of(items: list[tuple[int, int, bool]]) -> Candidates:
@@ -30,57 +30,25 @@ def made_of(items: list[tuple[int, int, bool]]) -> Candidates:
 
 
 @pytest.mark.parametrize(("name", "options"), VARIANTS)
-@given(items=works, budget=budgets)
-def test_no_item_is_over_the_remaining_budget_or_comes_twice(
-    name: str, options: dict[str, object], items: list[tuple[int, int, bool]], budget: float
+def test_it_keeps_the_contract(name: str, options: dict[str, object]) -> None:
+    check_heuristic(name, options)
+
+
+def test_raster_only_keeps_all_of_it_but_for_mandatory_items() -> None:
+    check_heuristic("raster_only", mandatory=False)
+    with pytest.raises(AssertionError, match="mandatory items that fit are asked for"):
+        check_heuristic("raster_only")
+
+
+@pytest.mark.parametrize(("name", "options"), VARIANTS)
+@given(items=works)
+def test_with_no_limit_everything_is_traced(
+    name: str, options: dict[str, object], items: list[tuple[int, int, bool]]
 ) -> None:
-    chosen = one_frame(get_registry().create("heuristic", name, options), made_of(items), budget)  # asserts what fits
     passes = np.zeros(len(items), int)
-    for item, count in chosen:
+    for item, count in one_frame(get_registry().create("heuristic", name, options), made_of(items)):
         passes[item] += count
-    assert passes.max(initial=0) <= PASSES
-    if budget == math.inf:
-        assert (passes == PASSES).all(), "with no limit everything is traced"
-
-
-@pytest.mark.parametrize(("name", "options"), VARIANTS)
-@given(items=works, falling=st.lists(st.integers(0, 80), max_size=100))
-def test_an_item_fits_whatever_is_left_at_each_call(
-    name: str, options: dict[str, object], items: list[tuple[int, int, bool]], falling: list[int]
-) -> None:
-    """What is left may also rise, when items took less than predicted."""
-    heuristic = get_registry().create("heuristic", name, options)
-    heuristic.begin_frame(made_of(items), context())
-    for remaining in falling:
-        answer = heuristic.next(float(remaining))
-        if answer is not None:
-            request = answer if isinstance(answer, Request) else Request(answer)
-            assert items[request.item][0] * request.passes / PASSES <= remaining
-
-
-@pytest.mark.parametrize(("name", "options"), VARIANTS)
-@given(items=works, budget=budgets)
-def test_mandatory_items_come_first(
-    name: str, options: dict[str, object], items: list[tuple[int, int, bool]], budget: float
-) -> None:
-    chosen = items_of(get_registry().create("heuristic", name, options), made_of(items), budget)
-    mandatory = [items[item][2] for item in chosen]
-    assert mandatory == sorted(mandatory, reverse=True)
-    if sum(cost for cost, _, always in items if always) <= budget:
-        assert sum(mandatory) == sum(always for _, _, always in items)
-
-
-@pytest.mark.parametrize(("name", "options"), VARIANTS)
-@given(items=works, budget=budgets, shuffle=st.randoms(use_true_random=False))
-def test_the_order_of_candidates_does_not_matter(
-    name: str, options: dict[str, object], items: list[tuple[int, int, bool]], budget: float, shuffle: object
-) -> None:
-    work = made_of(items)
-    order = np.arange(len(items))
-    shuffle.shuffle(order)  # type: ignore[attr-defined]
-    one = one_frame(get_registry().create("heuristic", name, options), work, budget)
-    other = one_frame(get_registry().create("heuristic", name, options), rows(work, order), budget)
-    assert [(int(order[item]), passes) for item, passes in other] == one
+    assert (passes == PASSES).all()
 
 
 @pytest.mark.parametrize(("name", "options"), VARIANTS)
