@@ -1,13 +1,13 @@
 """scenes/benchmarks/smoke.yaml: every decision of every frame is what it was, on every machine.
 
-smoke_decisions.txt has a line per cell and frame, and in it a sign per candidate, by effect and then by object: `#` traced, `.` left to
-its fallback. Only rays take time there, so a line that changed means that a rule changed, a scene, or what effects trace.
+smoke_decisions.txt has a line per cell and frame, and in it a sign per candidate, by effect and then by object: `#` traced, `.` left
+to its fallback. Only rays take time there, so a line that changed means that a rule changed, a scene, or what effects trace.
 Where that was meant, write the file anew, look at the difference, and commit it:
 
     .venv/bin/python tests/plugins/bench/test_smoke_decisions.py --write
 
-Processors round differently, so that a ray more or less hits something here and there. The scenes were chosen so that this changes no
-decision: the file is the same with Embree's code for SSE2, SSE4.2, AVX2 and AVX-512, and with kernels compiled for any x86-64
+Processors round differently, so that a ray more or less hits something here and there. The scenes were chosen so that this changes
+no decision: the file is the same with Embree's code for SSE2, SSE4.2, AVX2 and AVX-512, and with kernels compiled for any x86-64
 processor. Scenes of many equal things (`carousel.yaml`) do not pass that: where two items are worth the same, one ray decides.
 Writing tells how many lines change when the budget is a thousandth smaller or larger: a measure of how near the file is to others.
 """
