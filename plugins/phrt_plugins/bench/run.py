@@ -52,7 +52,9 @@ def run_bench(
     runner.check_folder(resume)
     with store.locked():
         runner.begin(resume=resume, retry_failed=retry_failed)
-        made = executor if isinstance(executor, Executor) else _executor(executor, file.config.clock is None, jobs)
+        made = executor
+        if not isinstance(made, Executor):
+            made = make_executor(made, timing=file.config.clock is None, jobs=jobs)
         try:
             runner.work = replace(work, threads=made.threads)
             tasks = [task for stage in STAGES for task in runner.remaining(stage)]
@@ -66,15 +68,6 @@ def run_bench(
         outcome = Outcome([cell.id for cell in plan.cells], runner.failures, runner.problems, runner.time())
         _sum_up(store, outcome)
     return outcome
-
-
-def _executor(where: str, timing: bool, jobs: int | None) -> Executor:
-    try:
-        return make_executor(where, timing=timing, jobs=jobs)
-    except ImportError:
-        from phrt_plugins.bench.inline import InlineExecutor
-
-        return InlineExecutor()
 
 
 def _sum_up(store: Store, outcome: Outcome) -> None:

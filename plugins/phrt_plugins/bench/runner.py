@@ -157,6 +157,7 @@ class BenchRunner:
             state = "finished"
         finally:
             self.seconds["wall"] = time.perf_counter() - began
+            self.store.sweep()
             self._about |= {"state": state, "finished": now(), "problems": self.problems, "time": self.time()}
             self._about["failed"] = sorted(self.failures)
             try:

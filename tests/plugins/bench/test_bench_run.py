@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,10 @@ from run_bench_kit import bench, cells, results, table, write_config
 from phrt.registry import HeuristicPlugin, get_registry, register
 from phrt.renderer import Renderer
 from phrt_plugins.bench import blocks as block_module
+from phrt_plugins.bench import run as run_module
 from phrt_plugins.bench import store as store_module
+from phrt_plugins.bench.executors import make_executor
+from phrt_plugins.bench.inline import InlineExecutor
 
 HEURISTIC = """
 from phrt.interfaces.heuristic import Heuristic
@@ -26,6 +30,14 @@ class Breaks(Heuristic):
         return None
     def end_frame(self): pass
 """
+
+
+@pytest.fixture(scope="module", autouse=True)
+def here() -> Iterator[None]:
+    """Tasks run in this process, where tests can reach them, and where nothing has to start."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run_module, "make_executor", lambda *arguments, **options: InlineExecutor())
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -116,7 +128,7 @@ def test_tracing_everything_leaves_no_error(tmp_path: Path) -> None:
 def test_resuming_what_is_finished_renders_nothing(finished: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = results(finished)
     monkeypatch.setattr(Renderer, "render", forbidden)
-    done = bench(finished.parent / "config.yaml", finished, "--resume", "--executor", "local")
+    done = bench(finished.parent / "config.yaml", finished, "--resume")
     assert done.code == 0, done.said
     assert results(finished) == before
 
@@ -205,7 +217,6 @@ def test_failed_cells_can_be_tried_again(tmp_path: Path, monkeypatch: pytest.Mon
     try:
         config = write_config(tmp_path, heuristics=["moody"])
         monkeypatch.setattr(Moody, "broken", True)
-        inline(monkeypatch)
         assert bench(config, tmp_path / "run").code == 1
         monkeypatch.setattr(Moody, "broken", False)
         assert bench(config, tmp_path / "run", "--resume").code == 1
@@ -231,17 +242,8 @@ class Moody:
         return Made(options)
 
 
-def inline(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Tasks run in this process, where tests can reach them."""
-    from phrt_plugins.bench import run
-    from phrt_plugins.bench.inline import InlineExecutor
-
-    monkeypatch.setattr(run, "make_executor", lambda *arguments, **options: InlineExecutor())
-
-
 def test_a_full_disk_fails_the_cell_and_the_others_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     config = write_config(tmp_path)
-    inline(monkeypatch)
     write = block_module.write_measures
 
     def refused(path: Path, *arguments: Any) -> None:
@@ -270,7 +272,6 @@ def test_a_full_disk_fails_the_cell_and_the_others_go_on(tmp_path: Path, monkeyp
 def test_a_recording_that_cannot_be_written_fails_the_cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from phrt.recording import stream
 
-    inline(monkeypatch)
     config = write_config(tmp_path, heuristics=["raster_only"])
     write = stream.TableStream.write
 
@@ -291,7 +292,6 @@ def test_a_scene_that_no_longer_loads_fails_its_cells_alone(tmp_path: Path, monk
     )
     gone = tmp_path / "gone.yaml"
     gone.write_text((tmp_path / "balls.yaml").read_text())
-    inline(monkeypatch)
     from phrt_plugins.bench import runner
 
     begin = runner.BenchRunner.begin
@@ -339,3 +339,10 @@ def test_a_budget_of_time_runs_on_a_real_clock(tmp_path: Path) -> None:
     capacities = table(folder / "block-000.parquet")["capacity"]
     both = [table(path / "block-000" / "frames.parquet")["budget"] for path in cells(tmp_path / "run").values()]
     assert capacities == [pytest.approx(np.median(both))] * 2
+
+
+def test_worker_processes_come_to_the_same(finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(run_module, "make_executor", make_executor)
+    done = bench(finished.parent / "config.yaml", tmp_path / "run", "--jobs", "2")
+    assert done.code == 0, done.said
+    assert results(tmp_path / "run") == results(finished)
