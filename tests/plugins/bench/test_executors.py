@@ -201,7 +201,7 @@ def scheduler() -> Iterator[str]:
     """The address of a cluster of two worker processes."""
     distributed = needs.package("distributed")
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=2, processes=True, dashboard_address=None, scheduler_port=0, silence_logs=50
+        n_workers=2, threads_per_worker=2, processes=True, dashboard_address=":0", scheduler_port=0, silence_logs=50
     ) as cluster:
         yield cluster.scheduler_address.replace("tcp://", "dask://")
 
@@ -251,13 +251,13 @@ def test_a_cluster_without_workers_and_one_that_loses_its_last() -> None:
 
     distributed = needs.package("distributed")
     with distributed.LocalCluster(
-        n_workers=0, processes=False, protocol="tcp", dashboard_address=None, scheduler_port=0, silence_logs=50
+        n_workers=0, processes=False, protocol="tcp", dashboard_address=":0", scheduler_port=0, silence_logs=50
     ) as cluster:
         where = cluster.scheduler_address.replace("tcp://", "dask://")
         with pytest.raises(OptionError, match="has no workers; start some with 'dask worker'"):
             ClusterExecutor(where, timing=True)
         cluster.scale(1)
-        cluster.sync(cluster._correct_state)
+        cluster.wait_for_workers(1)
         with ClusterExecutor(where, timing=True, without_workers_s=0.5) as executor:
             assert results(executor, [Job("a", "one", value=1)])["one"].value == 1
             cluster.scale(0)

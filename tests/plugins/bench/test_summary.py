@@ -17,7 +17,7 @@ from bench_kit import setup_id, write_bench, write_table
 from phrt.errors import OptionError, PhrtWarning
 from phrt_plugins.bench import series as series_module
 from phrt_plugins.bench.results import BenchRun
-from phrt_plugins.bench.series import RunColumn, common, frame_series, frames_of, judged_series
+from phrt_plugins.bench.series import RunColumn, common, frame_series, frames_of, judged_series, segments_of
 from phrt_plugins.bench.statistics import paired_interval
 from phrt_plugins.bench.summary import COLUMNS, clock_text, read_summary, spread, summarise, summary_rows
 
@@ -228,14 +228,19 @@ def test_series_are_compared_on_frames_and_repeats_that_both_have(repeated: Path
     a = judged_series(run, gain, ["flip"])["flip"]
     b = judged_series(run, graph[1:], ["flip"])["flip"]
     assert (a.repeats, b.repeats, a.values.shape) == ((0, 1), (1,), (20, 2))
-    blocks, ours, theirs = common(a, b)
-    assert blocks.tolist() == [0] * 10 + [1] * 10
+    segments, ours, theirs = common(a, b)
+    assert segments.tolist() == [0] * 20, "the path goes on from block to block"
     assert ours.tolist() == a.values[:, 1:].tolist()
     assert theirs.tolist() == b.values.tolist()
-    assert paired_interval(ours, theirs, blocks).high < 0.0
+    assert paired_interval(ours, theirs, segments).high < 0.0
     times = frame_series(frames_of(run, gain), "jitter")
     assert np.isnan(times.values[[0, 20]]).all(), "nothing is before a block's first"
     assert np.isfinite(np.delete(times.values, [0, 20], axis=0)).all()
+
+
+def test_a_missing_block_is_a_gap() -> None:
+    assert segments_of(np.array([0, 0, 1, 2, 2, 4, 4, 5, 9])).tolist() == [0, 0, 0, 0, 0, 1, 1, 1, 2]
+    assert len(segments_of(np.zeros(0, np.int64))) == 0
 
 
 def test_clocks_and_spreads() -> None:
