@@ -22,7 +22,7 @@ import numpy as np
 from phrt.errors import OptionError
 from phrt.interfaces.metric import Better
 from phrt_plugins.bench.results import BenchRun, Cell
-from phrt_plugins.bench.series import RUN_COLUMNS, Series, common, frame_series, frames_of, judged_series
+from phrt_plugins.bench.series import RUN_COLUMNS, Series, common, frame_series, frames_of, judged_series, segments_of
 from phrt_plugins.bench.statistics import NOTHING, Interval, Statistic, Verdict, interval, judged, paired_interval
 
 MAIN_METRIC = "flip"
@@ -225,7 +225,7 @@ def _ordered(contestants: Sequence[_Contestant], better: Better) -> tuple[list[_
     figures = {}
     for each in contestants:
         rows = np.isin(each.series.frames, frames) if len(frames) else np.ones(len(each.series), bool)
-        figures[each.label] = interval(each.series.values[rows], each.series.blocks[rows])
+        figures[each.label] = interval(each.series.values[rows], segments_of(each.series.blocks[rows]))
     sign = -1.0 if better == "higher" else 1.0
     return sorted(contestants, key=lambda each: sign * figures[each.label].value), figures, len(frames)
 
@@ -239,8 +239,8 @@ def _all_pairs(contestants: Sequence[_Contestant], better: Better) -> dict[str, 
 
 
 def _compared(a: Series, b: Series, better: Better, statistic: Statistic = "mean") -> Paired:
-    blocks, mine, other = common(a, b)
-    difference = paired_interval(mine, other, blocks, statistic)
+    segments, mine, other = common(a, b)
+    difference = paired_interval(mine, other, segments, statistic)
     return Paired(difference, judged(difference, better))
 
 

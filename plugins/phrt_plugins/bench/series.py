@@ -34,10 +34,21 @@ class Series:
     def __len__(self) -> int:
         return len(self.frames)
 
+    @property
+    def segments(self) -> np.ndarray:
+        """(n,) equal numbers where frames follow each other on the path."""
+        return segments_of(self.blocks)
+
     def at(self, frames: np.ndarray, repeats: Sequence[int]) -> np.ndarray:
         """(len(frames), len(repeats)) values; all of them are there."""
         columns = [self.repeats.index(repeat) for repeat in repeats]
         return self.values[np.searchsorted(self.frames, frames)][:, columns]
+
+
+def segments_of(blocks: np.ndarray) -> np.ndarray:
+    """(n,) equal numbers where the blocks (n,), sorted, follow each other. The renderer begins anew in each, but what is seen goes
+    on; a new segment begins where a block is missing."""
+    return np.concatenate([[0], np.cumsum(np.diff(blocks) > 1)]) if len(blocks) else np.zeros(0, np.int64)
 
 
 def stacked(parts: Sequence[tuple[int, np.ndarray, np.ndarray, np.ndarray]]) -> Series:
@@ -52,10 +63,10 @@ def stacked(parts: Sequence[tuple[int, np.ndarray, np.ndarray, np.ndarray]]) -> 
 
 
 def common(a: Series, b: Series) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Blocks (n,) and values (n, repeats) of both where both have a value: the same frames of the same repeats."""
+    """Segments (n,), and values (n, repeats) of both where both have frames: the same frames of the same repeats."""
     frames, rows, _ = np.intersect1d(a.frames, b.frames, assume_unique=True, return_indices=True)
     repeats = [repeat for repeat in a.repeats if repeat in b.repeats]
-    return a.blocks[rows], a.at(frames, repeats), b.at(frames, repeats)
+    return segments_of(a.blocks[rows]), a.at(frames, repeats), b.at(frames, repeats)
 
 
 def judged_series(run: BenchRun, cells: Sequence[Blocks], columns: Sequence[str]) -> dict[str, Series]:

@@ -186,7 +186,7 @@ def judged(difference: Interval, better: Better) -> Verdict:
 
 
 def default_block_length(segments: np.ndarray) -> int:
-    """Frames of a moving block: 1.5 times the square root of their number, at most a segment and a quarter of all.
+    """Frames of a moving block: 1.5 times the square root of their number, at most the longest segment and a quarter of all.
 
     The usual n^(1/3) has the least error for many frames, but is short of what 50 to 500 frames of a camera path need: what is
     hard to render stays in view for seconds. How often intervals hold the truth is in docs/statistics.md.

@@ -144,7 +144,7 @@ def group_values(
     judged = judged_series(run, begun, [column.name for column in shot_columns])
     for column in shot_columns:
         series = judged[column.name]
-        yield column, interval(series.values, series.blocks, column.statistic)
+        yield column, interval(series.values, series.segments, column.statistic)
     yield from run_values(run, begun, metrics)
     if run.has_oracle(cells[0].setup):
         yield ORACLE_SHARE, oracle_share(run, begun)
@@ -180,7 +180,7 @@ def intervals_of(frames: Mapping[int, RunFrames], found: Mapping[int, Mapping[st
         series = frame_series(frames, names[0])
         same = [name for name in names if is_of(series, name, found)]
         statistics = [RUN_COLUMNS[name].statistic for name in same]
-        made |= dict(zip(same, intervals(series.values, series.blocks, statistics), strict=True))
+        made |= dict(zip(same, intervals(series.values, series.segments, statistics), strict=True))
     return made
 
 
@@ -197,7 +197,7 @@ def oracle_share(run: BenchRun, cells: Sequence[Cell]) -> Interval:
     if not cells:
         return NOTHING
     above, below = oracle_series(run, cells)
-    return ratio_interval(above.values, below.values, above.blocks)
+    return ratio_interval(above.values, below.values, above.segments)
 
 
 def oracle_series(run: BenchRun, cells: Sequence[Cell]) -> tuple[Series, Series]:
@@ -271,7 +271,7 @@ def relevance_share(run: BenchRun, cells: Sequence[Cell]) -> Interval:
     if not chosen:
         return NOTHING
     above, below = stacked(chosen), stacked(best)
-    return ratio_interval(above.values, below.values, above.blocks)
+    return ratio_interval(above.values, below.values, above.segments)
 
 
 def spread(numbers: np.ndarray, most: int) -> list[int]:
