@@ -62,10 +62,6 @@ def work(job: Job) -> Any:
             raise SystemExit(3)
         case "die":
             os.kill(os.getpid(), signal.SIGKILL)
-        case "die once":
-            if not Path(job.value).exists():
-                Path(job.value).touch()
-                os.kill(os.getpid(), signal.SIGKILL)
         case "sleep":
             time.sleep(job.value)
         case "note":
@@ -75,13 +71,18 @@ def work(job: Job) -> Any:
             return Stubborn()
         case "fragile":
             return Fragile()
-        case "meet":
-            return meet(Path(job.value), job.name)
-    return Told(os.getpid(), threading.get_ident(), tuple(sorted(os.sched_getaffinity(0))), before, job.value)
+    value = meet(Path(job.value), job.key) if job.action == "meet" else job.value
+    return Told(os.getpid(), threading.get_ident(), tuple(sorted(os.sched_getaffinity(0))), before, value)
+
+
+def meetings(folder: Path, keys: str, count: int) -> list[Job]:
+    """Jobs of which those with the same number are there at the same time, so that no worker gets ahead of the others."""
+    return [Job(key, f"{key}{n}", "meet", str(folder / str(n))) for n in range(count) for key in keys]
 
 
 def meet(folder: Path, name: str) -> bool:
     """Is somebody else at work at the same time? Waits for it for a while."""
+    folder.mkdir(parents=True, exist_ok=True)
     (folder / name).touch()
     until = time.monotonic() + 20
     while time.monotonic() < until:
