@@ -1,7 +1,7 @@
 """scenes/benchmarks/smoke.yaml: every decision of every frame is what it was, on every machine.
 
-smoke_decisions.txt has a line per cell and frame, and in it a sign per candidate, by effect and then by object: `#` traced, `.` left
-to its fallback. Only rays take time there, so a line that changed means that a rule changed, a scene, or what effects trace.
+smoke_decisions.txt has a line per cell and frame, and in it a sign per candidate, by effect and object: `#` traced, `.` not.
+Only rays take time there, so a line that changed means that a rule changed, a scene, or what effects trace.
 Where that was meant, write the file anew, look at the difference, and commit it:
 
     .venv/bin/python tests/plugins/bench/test_smoke_decisions.py --write
