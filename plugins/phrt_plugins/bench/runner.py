@@ -6,7 +6,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
 
@@ -36,6 +36,7 @@ class BenchRunner:
         self.failures: dict[str, dict[str, Any]] = {}
         self.problems: list[dict[str, str]] = []
         self.seconds: dict[str, float] = {}
+        self._again: list[Task] = []
         self._about: dict[str, Any] = {}
 
     # Beginning
@@ -139,14 +140,18 @@ class BenchRunner:
             for stage in STAGES:
                 if stage == "cells":
                     self._begin_cells()
-                tasks = self.remaining(stage)
-                began = time.perf_counter()
+                self._run_all(executor, self.remaining(stage), told)
+                again, self._again = self._again, []
+                self._run_all(executor, again, told)
 
-                def done(task: Task, result: Done | TaskError) -> None:
-                    told(task, self._ended(task, result))
+    def _run_all(self, executor: Executor, tasks: list[Task], told: Callable[[Task, list[str]], None]) -> None:
+        began = time.perf_counter()
 
-                executor.run(partial(do, self.work), tasks, done=done)
-                self.seconds["working"] = self.seconds.get("working", 0.0) + time.perf_counter() - began
+        def done(task: Task, result: Done | TaskError) -> None:
+            told(task, self._ended(task, result))
+
+        executor.run(partial(do, self.work), tasks, done=done)
+        self.seconds["working"] = self.seconds.get("working", 0.0) + time.perf_counter() - began
 
     @contextmanager
     def _accounted(self) -> Iterator[None]:
@@ -206,16 +211,17 @@ class BenchRunner:
         return list(task.cells) if task.stage == "cells" else self.plan.cells_of(task.setup.id)
 
     def _lost(self, task: Task, error: TaskError) -> Done:
-        """A task whose worker gave no answer: the cells it had not finished have failed."""
+        """A task whose worker gave no answer. Where several cells took turns it is not known whose fault it was: each is tried
+        again by itself, and one that loses its worker then has failed."""
         reason = error.reason if error.kind == "raised" else f"the worker was lost: {error.reason}"
         if task.stage != "cells":
             return Done(failures=[Failure(None, error.kind, reason)])
-        open_cells = [
-            cell.id
-            for cell in task.cells
-            if not self.store.cell_block(cell.id, task.block).is_dir() and self.store.failure(cell.id) is None
-        ]
-        return Done(failures=[Failure(cell, error.kind, reason) for cell in open_cells])
+        store = self.store
+        left = [c for c in task.cells if not store.cell_block(c.id, task.block).is_dir() and not store.failure(c.id)]
+        if error.kind == "died" and len(left) > 1:
+            self._again += [replace(task, cells=(cell,)) for cell in left]
+            return Done(warned=[f"{task.title}: {reason}; its {len(left)} cells are tried again one by one"])
+        return Done(failures=[Failure(cell.id, error.kind, reason) for cell in left])
 
     def _fail(self, cell: str, task: Task | None, failure: Failure) -> None:
         block = task.block if task is not None and task.stage == "cells" else None

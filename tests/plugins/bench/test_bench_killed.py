@@ -1,6 +1,6 @@
 """Killed at any moment and resumed, a run ends as one that was never killed; what was finished is never rendered again.
 
-PHRT_BENCH_KILLS says how many times a run is killed; 3 by default.
+PHRT_BENCH_KILLS says how many times a run is killed; 2 by default.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 from run_bench_kit import results, write_config
 
-KILLS = int(os.environ.get("PHRT_BENCH_KILLS", "3"))
+KILLS = int(os.environ.get("PHRT_BENCH_KILLS", "2"))
 START_S = 0.5
 """Before that nothing but imports happens."""
 

@@ -346,3 +346,44 @@ def test_worker_processes_come_to_the_same(finished: Path, tmp_path: Path, monke
     done = bench(finished.parent / "config.yaml", tmp_path / "run", "--jobs", "2")
     assert done.code == 0, done.said
     assert results(tmp_path / "run") == results(finished)
+
+
+def test_a_heuristic_that_ends_its_process_fails_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "deadly.py").write_text(
+        "import os\nfrom phrt.registry import HeuristicPlugin, hookimpl\n"
+        + HEURISTIC.replace('raise RuntimeError("out of ideas")', "os._exit(7)")
+        + "@hookimpl\ndef phrt_heuristics():\n"
+        '    return [HeuristicPlugin(name="deadly", summary="Deadly.", factory=f"{__name__}:Breaks")]\n'
+    )
+    config = write_config(tmp_path, heuristics=["raster_only", "deadly"], plugins=["deadly.py"])
+    monkeypatch.setattr(run_module, "make_executor", make_executor)
+    done = bench(config, tmp_path / "run", "--jobs", "1")
+    assert done.code == 1, done.said
+    assert "its 2 cells are tried again one by one" in done.said
+    found = cells(tmp_path / "run")
+    failed = json.loads((found["deadly"] / "failed.json").read_text())
+    assert failed["block"] == 1
+    assert "ended with exit code 7" in failed["reason"]
+    assert (found["raster_only"] / "block-002" / "measures.parquet").exists()
+    assert not (found["raster_only"] / "failed.json").exists()
+
+
+def test_an_oracle_that_fails_is_told_and_costs_nothing_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from phrt_plugins.bench import oracle
+
+    config = write_config(tmp_path, oracle=True, heuristics=["raster_only"])
+
+    def fails(*arguments: Any, **options: Any) -> None:
+        raise ValueError("no future")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(oracle, "write_oracle", fails)
+        done = bench(config, tmp_path / "run", "--json")
+    said = json.loads(done.printed)
+    assert done.code == 1
+    assert said["failed"] == {}
+    assert {problem["stage"] for problem in said["problems"]} == {"oracle"}
+    assert "ValueError: no future" in said["problems"][0]["reason"]
+    assert (cells(tmp_path / "run")["raster_only"] / "block-002").is_dir()
+    assert bench(config, tmp_path / "run", "--resume").code == 0
+    assert len(list((tmp_path / "run" / "oracle").rglob("block-*.parquet"))) == 3
