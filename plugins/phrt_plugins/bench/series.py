@@ -18,6 +18,8 @@ from phrt.interfaces.metric import RunFrames
 from phrt.recording.arrow import import_arrow
 from phrt_plugins.bench.results import BenchRun, Blocks
 from phrt_plugins.bench.statistics import Statistic
+from phrt_plugins.metrics.costs import errors_by_frame
+from phrt_plugins.metrics.flips import flips_by_frame
 from phrt_plugins.metrics.tables import ray_phase_rays
 
 
@@ -123,6 +125,22 @@ def _jitter(frames: RunFrames) -> np.ndarray:
     return np.where(frames.follows(), np.abs(np.diff(times, prepend=times[:1])), np.nan)
 
 
+def _flips(frames: RunFrames) -> np.ndarray:
+    return flips_by_frame(frames)[:, 0]
+
+
+def _flips_area(frames: RunFrames) -> np.ndarray:
+    return flips_by_frame(frames)[:, 1]
+
+
+def _error_measured(frames: RunFrames) -> np.ndarray:
+    return errors_by_frame(frames)["error_measured"]
+
+
+def _error_paper(frames: RunFrames) -> np.ndarray:
+    return errors_by_frame(frames)["error_paper"]
+
+
 RUN_COLUMNS: dict[str, RunColumn] = {
     "frame_ms_p50": RunColumn("p50", _times),
     "frame_ms_p95": RunColumn("p95", _times),
@@ -131,8 +149,12 @@ RUN_COLUMNS: dict[str, RunColumn] = {
     "late_share": RunColumn("share", _late),
     "jitter": RunColumn("mean", _jitter),
     "rays": RunColumn("mean", ray_phase_rays),
+    "decision_flips": RunColumn("mean", _flips),
+    "flips_area": RunColumn("mean", _flips_area),
+    "error_measured": RunColumn("p50", _error_measured),
+    "error_paper": RunColumn("p50", _error_paper),
 }
-"""The columns of phrt_plugins.metrics.pacing that are statistics of one number a frame. Of others there is no interval."""
+"""The columns of a run that are statistics of one number a frame. Of others there is no interval."""
 
 
 def _repeat(cell: Blocks) -> int:

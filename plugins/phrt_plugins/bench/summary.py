@@ -174,7 +174,8 @@ def intervals_of(frames: Mapping[int, RunFrames], found: Mapping[int, Mapping[st
     means something else by the name."""
     ours: dict[Any, list[str]] = {}
     for name, column in RUN_COLUMNS.items():
-        ours.setdefault(column.per_frame, []).append(name)
+        if any(math.isfinite(values.get(name, math.nan)) for values in found.values()):
+            ours.setdefault(column.per_frame, []).append(name)
     made: dict[str, Interval] = {}
     for names in ours.values():
         series = frame_series(frames, names[0])

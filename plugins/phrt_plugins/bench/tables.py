@@ -31,7 +31,7 @@ FORMS = {
     "flip": ".4f",
     "ssim": ".4f",
     "psnr": ".1f",
-    "display_error": ".4f",
+    "display_error": ".3g",
     "relmse": ".3g",
     "oracle_share": PERCENT,
     "relevance_share": PERCENT,

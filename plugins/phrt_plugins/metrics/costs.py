@@ -45,18 +45,22 @@ class Costs(Metric):
         pass
 
     def of_run(self, frames: RunFrames) -> dict[str, float]:
-        wanted = ("pixel_count", "traced_pixels", "rays", "milliseconds", *MODELS.values())
-        rows, table = candidates_by_frame(frames, wanted)
-        share = traced_share(table["traced_pixels"], table["pixel_count"], table["rays"])
-        took = table["milliseconds"].astype(np.float64)
-        actual = per_frame(rows, np.where(share > 0, took, 0.0), len(frames))
-        found = {}
-        for name, prediction in MODELS.items():
-            predicted = per_frame(rows, table[prediction] * share, len(frames))
-            errors = relative_errors(predicted, actual)
-            if not np.isnan(errors).all():
-                found[name] = float(np.nanmedian(errors))
-        return found
+        errors = errors_by_frame(frames)
+        return {name: float(np.nanmedian(found)) for name, found in errors.items() if not np.isnan(found).all()}
+
+
+def errors_by_frame(frames: RunFrames) -> dict[str, np.ndarray]:
+    """(n,) float64 by column: each frame's relative error; NaN where nothing was traced."""
+    wanted = ("pixel_count", "traced_pixels", "rays", "milliseconds", *MODELS.values())
+    rows, table = candidates_by_frame(frames, wanted)
+    share = traced_share(table["traced_pixels"], table["pixel_count"], table["rays"])
+    took = table["milliseconds"].astype(np.float64)
+    actual = per_frame(rows, np.where(share > 0, took, 0.0), len(frames))
+    found = {}
+    for name, prediction in MODELS.items():
+        predicted = per_frame(rows, table[prediction] * share, len(frames))
+        found[name] = relative_errors(predicted, actual)
+    return found
 
 
 def traced_share(traced_pixels: np.ndarray, pixel_count: np.ndarray, rays: np.ndarray) -> np.ndarray:

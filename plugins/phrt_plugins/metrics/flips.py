@@ -41,22 +41,23 @@ class Flips(Metric):
         pass
 
     def of_run(self, frames: RunFrames) -> dict[str, float]:
-        wanted = ("sample", "object_id", "effect", "chosen", "pixel_count")
-        rows, table = candidates_by_frame(frames, wanted)
-        keys = item_keys(table["sample"], table["object_id"], table["effect"])
-        ends = np.searchsorted(rows, np.arange(len(frames) + 1))
-        pairs = []
-        for frame in np.flatnonzero(frames.follows()):
-            before, now = slice(ends[frame - 1], ends[frame]), slice(ends[frame], ends[frame + 1])
-            pairs.append(
-                flips_between(
-                    keys[before], table["chosen"][before], keys[now], table["chosen"][now], table["pixel_count"][now]
-                )
-            )
-        if not pairs:
-            return {}
-        flips, areas = np.mean(pairs, axis=0)
-        return {"decision_flips": float(flips), "flips_area": float(areas)}
+        flips, areas = flips_by_frame(frames)[frames.follows()].T
+        return {"decision_flips": float(flips.mean()), "flips_area": float(areas.mean())} if len(flips) else {}
+
+
+def flips_by_frame(frames: RunFrames) -> np.ndarray:
+    """(n, 2) float64: items that flipped since the frame before, and their share of the pixels; NaN where there is none before."""
+    wanted = ("sample", "object_id", "effect", "chosen", "pixel_count")
+    rows, table = candidates_by_frame(frames, wanted)
+    keys = item_keys(table["sample"], table["object_id"], table["effect"])
+    ends = np.searchsorted(rows, np.arange(len(frames) + 1))
+    found = np.full((len(frames), 2), np.nan)
+    for frame in np.flatnonzero(frames.follows()):
+        before, now = slice(ends[frame - 1], ends[frame]), slice(ends[frame], ends[frame + 1])
+        found[frame] = flips_between(
+            keys[before], table["chosen"][before], keys[now], table["chosen"][now], table["pixel_count"][now]
+        )
+    return found
 
 
 def item_keys(sample: np.ndarray, object_id: np.ndarray, effect: np.ndarray) -> np.ndarray:

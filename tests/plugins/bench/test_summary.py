@@ -88,11 +88,18 @@ def test_values_are_those_of_the_tables(repeated: Path) -> None:
 
 
 def test_what_is_no_statistic_of_frames_has_no_interval(repeated: Path) -> None:
-    row = by_metric(read_summary(repeated))["2000rays", "gain", "decision_flips"]
+    row = by_metric(read_summary(repeated))["50ms", "gain", "late_streak"]
     assert row["value"] >= 0.0
     assert math.isnan(row["low"])
     assert math.isnan(row["high"])
     assert row["frames"] == 40
+
+
+@pytest.mark.parametrize("metric", ["decision_flips", "flips_area", "error_paper", "error_measured", "rays"])
+def test_what_frames_have_one_by_one_has_an_interval(repeated: Path, metric: str) -> None:
+    row = by_metric(read_summary(repeated))["2000rays", "gain", metric]
+    assert row["low"] <= row["value"] <= row["high"]
+    assert row["frames"] == (38 if "flips" in metric else 40), "a block's first frame follows none"
 
 
 def test_what_does_not_apply_is_of_no_frames(repeated: Path) -> None:
