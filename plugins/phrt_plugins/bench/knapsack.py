@@ -81,7 +81,7 @@ def solve(
     benefit, cost = np.asarray(benefit, np.float64), np.asarray(cost, np.float64)
     group = np.arange(benefit.size) if group is None else np.asarray(group)
     _check(benefit, cost, budget, group)
-    problem = Problem(benefit, cost, max(float(budget), 0.0), group)
+    problem = Problem.of(benefit, cost, max(float(budget), 0.0), group)
     chosen = np.zeros(len(benefit), bool)
     rows = problem.worth_a_look()
     found, gap = _solve_part(problem.part(rows), tolerance, time_limit_s)
@@ -126,8 +126,7 @@ def _highs(problem: Problem, tolerance: float, time_limit_s: float) -> tuple[np.
 
     count, groups = len(problem), int(problem.group.max()) + 1
     scale = float(problem.benefit.max()) / _SCALE
-    unit = problem.budget / _SCALE if problem.budget > 0 else 1.0
-    constraints = [LinearConstraint(problem.cost[None] / unit, -np.inf, problem.budget / unit)]
+    constraints = [LinearConstraint(problem.cost[None] * (_SCALE / problem.room), -np.inf, _SCALE)]
     if groups < count:
         member = csr_array((np.ones(count), (problem.group, np.arange(count))), shape=(groups, count))
         constraints.append(LinearConstraint(member, -np.inf, 1.0))

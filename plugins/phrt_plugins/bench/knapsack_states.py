@@ -14,32 +14,44 @@ import numpy as np
 
 ROUNDING = 1e-9
 """Relative. Sums of costs that are no whole numbers may pass the budget by so much, as rounding does: what fits exactly fits."""
+NOTHING = 1e-15
+"""Of the budget: so little is nothing."""
 MOST_STATES = 50_000
 """With more states than this to look at, the search gives up."""
 
 
 @dataclass(frozen=True)
 class Problem:
-    """n items; groups are numbers, of which every one that occurs may be chosen from once."""
+    """n items; room: what costs may sum up to; groups are numbers, of which every one that occurs may be chosen from once."""
 
     benefit: np.ndarray
     cost: np.ndarray
-    budget: float
+    room: float
     group: np.ndarray
+
+    @classmethod
+    def of(cls, benefit: np.ndarray, cost: np.ndarray, budget: float, group: np.ndarray) -> Problem:
+        """With numbers near 1: benefits and costs are divided by powers of two, which rounds nothing. What costs next to nothing
+        costs nothing then. There is a little room for rounding where costs are no whole numbers."""
+        whole = bool((cost == np.floor(cost)).all())
+        room = budget if whole or math.isinf(budget) else budget * (1 + ROUNDING)
+        most = float(benefit.max(initial=0.0))
+        if most > 0:
+            benefit = np.ldexp(benefit, -math.frexp(most)[1])
+        if 0 < room < math.inf:
+            exponent = -math.frexp(room)[1]
+            # What is dearer than this does not fit anyway.
+            cost = np.ldexp(np.where(cost > room, math.inf, cost), exponent)
+            cost, room = np.where(cost < NOTHING, 0.0, cost), math.ldexp(room, exponent)
+        return cls(benefit, cost, room, group)
 
     def __len__(self) -> int:
         return len(self.benefit)
 
-    @property
-    def room(self) -> float:
-        """What costs may sum up to: the budget, and a little for rounding where costs are no whole numbers."""
-        whole = bool((self.cost == np.floor(self.cost)).all())
-        return self.budget if whole or math.isinf(self.budget) else self.budget * (1 + ROUNDING)
-
     def part(self, rows: np.ndarray) -> Problem:
         """The items `rows`, their groups counted from 0."""
         group = np.unique(self.group[rows], return_inverse=True)[1]
-        return Problem(self.benefit[rows], self.cost[rows], self.budget, group)
+        return Problem(self.benefit[rows], self.cost[rows], self.room, group)
 
     def worth_a_look(self) -> np.ndarray:
         """(k,) rows that bring something, fit, and bring more than all of their group that cost no more."""
@@ -95,8 +107,8 @@ class Relaxed:
 
     @classmethod
     def of(cls, problem: Problem) -> Relaxed:
-        # What costs next to nothing may be worth any price.
-        low, high = 0.0, float((problem.benefit / np.maximum(problem.cost, problem.room * 1e-15)).max()) * 2
+        costly = problem.cost > 0
+        low, high = 0.0, float((problem.benefit[costly] / problem.cost[costly]).max()) * 2
         for _ in range(60):
             middle = (low + high) / 2
             if problem.cost_of(cls._worth_it(problem, middle)[0]) <= problem.room:
