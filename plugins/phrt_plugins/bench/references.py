@@ -98,7 +98,7 @@ class References:
         final = self.cache / key
         shutil.rmtree(final, ignore_errors=True)
         self._forget_parts()
-        with whole_folder(final, shared=True) as part:
+        with whole_folder(final) as part:
             arrays = _everything_traced(setup, block, renderer, part / "run")
             for number, floor in _nothing_traced(setup, block, renderer).items():
                 arrays[number] |= floor

@@ -56,7 +56,7 @@ def run_bench(
         if not isinstance(made, Executor):
             made = make_executor(made, timing=file.config.clock is None, jobs=jobs)
         try:
-            runner.work = replace(work, threads=made.threads)
+            runner.work = replace(runner.work, threads=made.threads)
             tasks = [task for stage in STAGES for task in runner.remaining(stage)]
             if estimate is not None and tasks:
                 say(f"{len(plan.cells)} cells, {len(tasks)} tasks, about {spoken(estimate.total(tasks, made.jobs))}")

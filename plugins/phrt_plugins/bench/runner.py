@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
@@ -15,6 +16,7 @@ from phrt.recording.arrow import import_arrow
 from phrt.recording.config import machine, versions
 from phrt.recording.folder import plain
 from phrt.recording.recorder import now
+from phrt_plugins.bench.content import code_digest
 from phrt_plugins.bench.executors import Executor, TaskError
 from phrt_plugins.bench.plan import STAGES, Plan, Stage, Task
 from phrt_plugins.bench.reading import ConfigFile
@@ -32,7 +34,8 @@ class BenchRunner:
 
     def __init__(self, file: ConfigFile, plan: Plan, store: Store, work: Work) -> None:
         import_arrow()
-        self.file, self.plan, self.store, self.work = file, plan, store, work
+        self.file, self.plan, self.store = file, plan, store
+        self.work = replace(work, token=secrets.token_hex(8))
         self.failures: dict[str, dict[str, Any]] = {}
         self.problems: list[dict[str, str]] = []
         self.seconds: dict[str, float] = {}
@@ -69,6 +72,7 @@ class BenchRunner:
             "plan": self.plan.as_json(),
             "columns": [asdict(column) for column in all_columns(make_metrics(self.file.config.metrics))],
             "versions": versions(),
+            "code": code_digest(),
             "machine": machine(),
             "started": now(),
             "finished": None,
@@ -78,6 +82,7 @@ class BenchRunner:
             self._about["started"] = about.get("started")
         try:
             root.mkdir(parents=True, exist_ok=True)
+            self.store.take_over(self.work.token)
             self.store.sweep()
             self._write_config()
             self.store.write_about(self._about)
@@ -110,6 +115,8 @@ class BenchRunner:
                 + more
             )
         changed = [name for name, old, new in different(about.get("versions"), mine["versions"])]
+        if not changed and about.get("code") != mine["code"]:
+            changed = ["PHRT's sources"]
         if changed:
             warnings.warn(
                 f"'{self.store.root}' was begun with other versions of {', '.join(changed)}", PhrtWarning, stacklevel=3

@@ -1,7 +1,7 @@
 """The folder of a benchmark: what is in it, what of it is done, and writing into it so that nothing is ever seen half.
 
-A block is written into `block-000.part`, brought to the disk and renamed: a folder without `.part` is whole. Files that change
-are replaced. docs/bench.md shows the layout.
+A block is written into a folder whose name ends in `.part`, brought to the disk and renamed: one without `.part` is whole.
+Files that change are replaced. docs/bench.md shows the layout.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from phrt.errors import OptionError
 from phrt.recording.folder import plain, write_json
 from phrt_plugins.bench.plan import Block
 
-BENCH_FILE, CONFIG_FILE, LOCK_FILE = "bench.json", "config.yaml", ".lock"
+BENCH_FILE, CONFIG_FILE, LOCK_FILE, OWNER_FILE = "bench.json", "config.yaml", ".lock", ".run"
 CELL_FILE, FAILED_FILE = "cell.json", "failed.json"
 BENCH_VERSION = 1
 SYNCED_AT_ONCE = 8
@@ -97,10 +97,21 @@ class Store:
 
     def is_empty(self) -> bool:
         """Is there no folder, or nothing in it but what a run that was killed at once leaves?"""
-        harmless = (CONFIG_FILE, LOCK_FILE)
+        harmless = (CONFIG_FILE,)
         return not self.root.exists() or all(
             path.name in harmless or path.name.startswith(".") for path in self.root.iterdir()
         )
+
+    def take_over(self, token: str) -> None:
+        """From now on the folder belongs to the run that is called `token`. Raises OSError."""
+        (self.root / OWNER_FILE).write_text(token, encoding="utf-8")
+
+    def belongs_to(self, token: str) -> bool:
+        """Does the folder still belong to the run `token`? A worker far away may outlive its run."""
+        try:
+            return (self.root / OWNER_FILE).read_text(encoding="utf-8") == token
+        except OSError:
+            return False
 
     def sweep(self) -> None:
         """Remove what a run that was killed left half written. Call it while the folder is locked."""
@@ -121,14 +132,13 @@ class Store:
 
 
 @contextmanager
-def whole_folder(path: Path, *, shared: bool = False) -> Iterator[Path]:
-    """A new folder `path`.part to write into; renamed to `path` when the block ends well and everything is on the disk.
+def whole_folder(path: Path) -> Iterator[Path]:
+    """A new folder to write into, beside `path`; renamed to `path` when the block ends well and everything is on the disk.
 
-    shared: others may write the same at the same time; who is first wins. Where it does not end well, nothing is left. Raises
-    OSError where the system refuses to write.
+    Where others write the same at the same time, who is first wins. Where it does not end well, nothing is left. Raises OSError
+    where the system refuses to write.
     """
-    part = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part" if shared else f"{path.name}.part")
-    shutil.rmtree(part, ignore_errors=True)
+    part = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
     part.mkdir(parents=True)
     try:
         yield part
@@ -136,7 +146,7 @@ def whole_folder(path: Path, *, shared: bool = False) -> Iterator[Path]:
         try:
             os.rename(part, path)
         except OSError:
-            if not (shared and path.is_dir()):
+            if not path.is_dir():
                 raise
             shutil.rmtree(part, ignore_errors=True)
         _sync(path.parent)

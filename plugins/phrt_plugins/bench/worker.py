@@ -34,7 +34,8 @@ from phrt_plugins.metrics.measure import make_metrics, measure_shots
 class Work:
     """What all tasks of a benchmark have in common; it can be sent to another process.
 
-    root, cache: folders; metrics: names, None for all; plugins: modules and files to register; threads: where a setup does not say
+    root, cache: folders; metrics: names, None for all; plugins: modules and files to register; threads: where a setup does not say;
+    token: of this run, as long as the folder belongs to it
     """
 
     root: str
@@ -42,6 +43,7 @@ class Work:
     metrics: tuple[str, ...] | None = None
     plugins: tuple[str, ...] = ()
     threads: int | None = None
+    token: str = ""
 
 
 @dataclass(frozen=True)
@@ -184,12 +186,16 @@ def _cells(work: Work, task: Task, done: Done, spent: Spent) -> None:
                 renderer, task.setup, cell, task.block, settings, judges, store.cell_block(cell.id, task.block), spent
             )
 
+        if not store.belongs_to(work.token):
+            # Our run ended, and another one took the folder over: what is left is its business.
+            return
         failure = _attempt(cell.id, turn)
         if failure is None:
             done.blocks += 1
             continue
         done.failures.append(failure)
-        _note_failure(store, failure, task)
+        if store.belongs_to(work.token):
+            _note_failure(store, failure, task)
         if failure.kind not in ("heuristic", "disk"):
             # Whatever it was, it may have left something behind.
             release()

@@ -169,6 +169,22 @@ def test_a_changed_scene_is_refused(tmp_path: Path) -> None:
     assert "is not what it was" in done.said
 
 
+def test_other_versions_are_told_of(finished: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from phrt_plugins.bench import runner
+
+    with monkeypatch.context() as other:
+        other.setattr(runner, "versions", lambda: {"phrt": "0.0.1"})
+        done = bench(finished.parent / "config.yaml", finished, "--resume")
+    assert done.code == 0
+    assert f"warning: '{finished}' was begun with other versions of " in done.said
+    with monkeypatch.context() as other:
+        other.setattr(runner, "code_digest", lambda: "edited")
+        again = bench(finished.parent / "config.yaml", finished, "--resume")
+    assert again.code == 0
+    assert "was begun with other versions of " in again.said
+    assert bench(finished.parent / "config.yaml", finished, "--resume").code == 0
+
+
 def test_a_run_in_a_folder_keeps_others_out(finished: Path) -> None:
     with store_module.Store(finished).locked():
         done = bench(finished.parent / "config.yaml", finished, "--resume")
@@ -387,3 +403,24 @@ def test_an_oracle_that_fails_is_told_and_costs_nothing_else(tmp_path: Path, mon
     assert (cells(tmp_path / "run")["raster_only"] / "block-002").is_dir()
     assert bench(config, tmp_path / "run", "--resume").code == 0
     assert len(list((tmp_path / "run" / "oracle").rglob("block-*.parquet"))) == 3
+
+
+def test_a_worker_that_outlived_its_run_leaves_the_folder_alone(tmp_path: Path) -> None:
+    from phrt_plugins.bench.checks import checked_plan
+    from phrt_plugins.bench.reading import read_config
+    from phrt_plugins.bench.store import Store
+    from phrt_plugins.bench.worker import Work, do
+
+    config = write_config(tmp_path)
+    store = Store(tmp_path / "run")
+    assert bench(config, store.root).code == 0
+    gone = next(iter((store.root / "cells").iterdir())) / "block-001"
+    gone.rename(tmp_path / "kept")
+    task = checked_plan(read_config(config)).tasks("cells")[1]
+    work = Work(str(store.root), str(tmp_path / "cache"), ("error", "temporal"), token="of an earlier run")
+    late = do(work, task)
+    assert (late.blocks, late.failures) == (0, [])
+    assert not gone.exists()
+    store.take_over(work.token)
+    assert do(work, task).blocks == 1
+    assert (gone / "measures.parquet").read_bytes() == (tmp_path / "kept" / "measures.parquet").read_bytes()

@@ -24,7 +24,9 @@ def test_a_folder_is_there_only_when_it_is_whole(tmp_path: Path) -> None:
         (part / "pictures").mkdir()
         (part / "pictures" / "a.png").write_bytes(b"a")
         assert not target.exists()
-        assert part.name == "block-000.part"
+        assert part.parent == target.parent
+        assert part.name.startswith("block-000.")
+        assert part.name.endswith(".part")
     assert (target / "pictures" / "a.png").read_bytes() == b"a"
     assert [path.name for path in target.parent.iterdir()] == ["block-000"]
 
@@ -40,14 +42,6 @@ def test_what_goes_wrong_leaves_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_a_killed_run_left_is_replaced(tmp_path: Path) -> None:
-    (tmp_path / "block.part").mkdir()
-    (tmp_path / "block.part" / "old").write_text("half")
-    with whole_folder(tmp_path / "block") as part:
-        (part / "new").write_text("whole")
-    assert [path.name for path in (tmp_path / "block").iterdir()] == ["new"]
-
-
 def test_nothing_is_renamed_that_is_not_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     synced: list[str] = []
     fsync, rename = os.fsync, os.rename
@@ -57,7 +51,7 @@ def test_nothing_is_renamed_that_is_not_on_the_disk(tmp_path: Path, monkeypatch:
         fsync(descriptor)
 
     def renamed(source: Path, target: Path) -> None:
-        assert set(synced) == {"a", "b", "inner", "block.part"}
+        assert set(synced) == {"a", "b", "inner", source.name}
         rename(source, target)
 
     monkeypatch.setattr(store_module.os, "fsync", note)
@@ -80,12 +74,21 @@ def test_a_disk_that_refuses_leaves_nothing(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_who_shares_a_folder_and_is_late_gives_way(tmp_path: Path) -> None:
-    with whole_folder(tmp_path / "key", shared=True) as mine:
+    with whole_folder(tmp_path / "key") as mine:
         (mine / "who").write_text("me")
-        with whole_folder(tmp_path / "key", shared=True) as other:
+        with whole_folder(tmp_path / "key") as other:
             (other / "who").write_text("other")
     assert (tmp_path / "key" / "who").read_text() == "other"
     assert [path.name for path in tmp_path.iterdir()] == ["key"]
+
+
+def test_a_folder_belongs_to_the_run_that_took_it_last(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    assert not store.belongs_to("one")
+    store.take_over("one")
+    assert store.belongs_to("one")
+    store.take_over("two")
+    assert not store.belongs_to("one")
 
 
 def test_the_first_reason_of_a_failure_stays(tmp_path: Path) -> None:
