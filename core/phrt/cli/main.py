@@ -13,6 +13,7 @@ from phrt.cli.analyze import analyze
 from phrt.cli.console import escape, messages, terminal, tidy_warnings
 from phrt.cli.doctor import doctor
 from phrt.cli.explain import explain
+from phrt.cli.new import new
 from phrt.cli.plugins import plugins_app
 from phrt.cli.render import render
 from phrt.cli.schema import schema
@@ -68,6 +69,7 @@ app.command("render")(render)
 app.command("analyze")(analyze)
 app.command("explain")(explain)
 app.add_typer(plugins_app, name="plugins")
+app.command("new")(new)
 app.command("doctor")(doctor)
 app.command("schema")(schema)
 
