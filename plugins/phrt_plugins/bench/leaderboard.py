@@ -26,7 +26,7 @@ from phrt_plugins.bench.series import RUN_COLUMNS, Series, common, frame_series,
 from phrt_plugins.bench.statistics import NOTHING, Interval, Statistic, Verdict, interval, judged, paired_interval
 
 MAIN_METRIC = "flip"
-INSTEAD = ("display_error", "ssim", "psnr", "relmse")
+INSTEAD = ("display_error", "ssim", "psnr", "relmse", "frame_ms_p50")
 """What boards are ordered by where the main metric was not measured."""
 
 
@@ -124,16 +124,12 @@ class _Contestant:
 def paired(run: BenchRun, a: Sequence[Cell], b: Sequence[Cell], metric: str, better: Better) -> Paired:
     """Contestant `a` against `b`, each given by its repeats, on the frames that both have. metric: a column of measures, by its
     mean, or a column of a run that is a statistic of its frames (`series.RUN_COLUMNS`)."""
-    if metric in RUN_COLUMNS:
-        ours, theirs = (frame_series(frames_of(run, cells), metric) for cells in (a, b))
-        return _compared(ours, theirs, better, RUN_COLUMNS[metric].statistic)
-    ours, theirs = (judged_series(run, cells, [metric])[metric] for cells in (a, b))
-    return _compared(ours, theirs, better)
+    return _compared(_series(run, a, metric), _series(run, b, metric), better, _statistic(metric))
 
 
 def leaderboard(summary: Iterable[Mapping[str, Any]], run: BenchRun, metric: str = MAIN_METRIC) -> list[Board]:
-    """The boards of `run`, in the order of its cells. summary: its rows (`read_summary`). metric: by what the board is ordered, a
-    column of pictures; where FLIP was not measured, the first of INSTEAD that was takes its place.
+    """The boards of `run`, in the order of its cells. summary: its rows (`read_summary`). metric: by what boards are ordered, a
+    column of pictures or one of RUN_COLUMNS; where FLIP was not measured, the first of INSTEAD that was takes its place.
 
     Raises OptionError where there is none to order by.
     """
@@ -184,6 +180,17 @@ def metric_name(metric: str) -> str:
 # A board
 
 
+def _series(run: BenchRun, cells: Sequence[Cell], metric: str) -> Series:
+    """What `metric` is of a contestant, frame by frame."""
+    if metric in RUN_COLUMNS:
+        return frame_series(frames_of(run, cells), metric)
+    return judged_series(run, cells, [metric])[metric]
+
+
+def _statistic(metric: str) -> Statistic:
+    return RUN_COLUMNS[metric].statistic if metric in RUN_COLUMNS else "mean"
+
+
 def _board(
     run: BenchRun,
     groups: Mapping[tuple[str, str, str], tuple[Cell, ...]],
@@ -195,10 +202,10 @@ def _board(
     for label, rows in labels.items():
         about = next(iter(rows.values()))
         cells = groups.get((about["setup"], about["budget"], label), ())
-        series = judged_series(run, cells, [main["metric"]])[main["metric"]]
-        everybody.append(_Contestant(label, rows, cells, series))
-    placed, figures, frames = _ordered([each for each in everybody if each.placed], main["better"])
-    against = _all_pairs(placed, main["better"])
+        everybody.append(_Contestant(label, rows, cells, _series(run, cells, main["metric"])))
+    statistic = _statistic(main["metric"])
+    placed, figures, frames = _ordered([each for each in everybody if each.placed], main["better"], statistic)
+    against = _all_pairs(placed, main["better"], statistic)
     ranks = _ranks([each.label for each in placed], against)
     entries = [_entry(each, ranks[each.label], figures[each.label], against[each.label]) for each in placed]
     entries += [_entry(each, None, NOTHING, {}) for each in everybody if not each.placed]
@@ -216,7 +223,9 @@ def _board(
     )
 
 
-def _ordered(contestants: Sequence[_Contestant], better: Better) -> tuple[list[_Contestant], dict[str, Interval], int]:
+def _ordered(
+    contestants: Sequence[_Contestant], better: Better, statistic: Statistic
+) -> tuple[list[_Contestant], dict[str, Interval], int]:
     """Best first, and the main metric of each, by label, over the frames that all have, and how many those are. Where there is no
     such frame, all frames of each count."""
     if not contestants:
@@ -225,20 +234,22 @@ def _ordered(contestants: Sequence[_Contestant], better: Better) -> tuple[list[_
     figures = {}
     for each in contestants:
         rows = np.isin(each.series.frames, frames) if len(frames) else np.ones(len(each.series), bool)
-        figures[each.label] = interval(each.series.values[rows], segments_of(each.series.blocks[rows]))
+        figures[each.label] = interval(each.series.values[rows], segments_of(each.series.blocks[rows]), statistic)
     sign = -1.0 if better == "higher" else 1.0
     return sorted(contestants, key=lambda each: sign * figures[each.label].value), figures, len(frames)
 
 
-def _all_pairs(contestants: Sequence[_Contestant], better: Better) -> dict[str, dict[str, Paired]]:
+def _all_pairs(
+    contestants: Sequence[_Contestant], better: Better, statistic: Statistic
+) -> dict[str, dict[str, Paired]]:
     """Everybody against everybody else, by label."""
     return {
-        a.label: {b.label: _compared(a.series, b.series, better) for b in contestants if b is not a}
+        a.label: {b.label: _compared(a.series, b.series, better, statistic) for b in contestants if b is not a}
         for a in contestants
     }
 
 
-def _compared(a: Series, b: Series, better: Better, statistic: Statistic = "mean") -> Paired:
+def _compared(a: Series, b: Series, better: Better, statistic: Statistic) -> Paired:
     segments, mine, other = common(a, b)
     difference = paired_interval(mine, other, segments, statistic)
     return Paired(difference, judged(difference, better))

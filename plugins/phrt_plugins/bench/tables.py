@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 from phrt.errors import OptionError, did_you_mean
 from phrt_plugins.bench.leaderboard import Board, Entry, board_names, metric_name
+from phrt_plugins.bench.series import RUN_COLUMNS
 from phrt_plugins.bench.statistics import FEWEST_FRAMES, NOTHING, Interval
 
 if TYPE_CHECKING:
@@ -186,7 +187,8 @@ def _grid(board: Board, name: str, beside: Sequence[str]) -> Grid:
 
 
 def _notes(board: Board) -> list[str]:
-    frames = f"{board.frames} judged frames" if board.frames else "the judged frames of each, as none are of all"
+    kind = "frames" if board.metric in RUN_COLUMNS else "judged frames"
+    frames = f"{board.frames} {kind}" if board.frames else f"the {kind} of each, as none are of all"
     best = {"lower": "less is better", "higher": "more is better"}.get(board.better, "")
     notes = [
         f"{metric_name(board.metric)} over {frames}, {best}; [95 % intervals]; who shares a rank is not shown to differ."

@@ -207,6 +207,19 @@ def test_without_flip_another_metric_decides(tmp_path: Path) -> None:
         boards_of(folder, "ssim")
 
 
+def test_boards_can_be_of_frame_times(tmp_path: Path) -> None:
+    folder = one_board(tmp_path / "run")
+    board = boards_of(folder, "frame_ms_p95")[0]
+    assert board.frames == 40
+    assert ranks(board)[0] == (1, "raster_only")
+    assert [entry.main == entry.value("frame_ms_p95") for entry in board.entries] == [True] * 3
+    assert board.entries[1].against["raster_only"].verdict == "worse"
+    for cell in BenchRun.read(folder).cells:
+        for block in cell.blocks:
+            write_table(cell.block_folder(block) / "measures.parquet", {"frame": np.zeros(0, np.int64)})
+    assert boards_of(folder)[0].metric == "frame_ms_p50", "where no pictures were judged"
+
+
 def test_pairs_of_any_column(clear: Path) -> None:
     run = BenchRun.read(clear)
     gain, raster = (run.groups()[SETUP, "50ms", label] for label in ("gain", "raster_only"))
