@@ -23,7 +23,16 @@ from phrt.errors import OptionError
 from phrt.interfaces.metric import Better
 from phrt_plugins.bench.results import BenchRun, Cell
 from phrt_plugins.bench.series import RUN_COLUMNS, Series, common, frame_series, frames_of, judged_series, segments_of
-from phrt_plugins.bench.statistics import NOTHING, Interval, Statistic, Verdict, interval, judged, paired_interval
+from phrt_plugins.bench.statistics import (
+    FEWEST_FRAMES,
+    NOTHING,
+    Interval,
+    Statistic,
+    Verdict,
+    interval,
+    judged,
+    paired_interval,
+)
 
 MAIN_METRIC = "flip"
 INSTEAD = ("display_error", "ssim", "psnr", "relmse", "frame_ms_p50")
@@ -152,11 +161,18 @@ def verdict(boards: Sequence[Board]) -> str:
     held = [(board, name) for board, name in zip(boards, board_names(boards), strict=True) if len(board.ranked) > 1]
     if not held:
         return "Nothing can be compared: no two contestants have judged frames."
+    enough = [(board, name) for board, name in held if board.frames >= FEWEST_FRAMES]
+    if not enough:
+        return f"Nothing is shown: that takes {FEWEST_FRAMES} judged frames that all contestants have."
     by_first: dict[tuple[str, ...], list[tuple[Board, str]]] = {}
-    for board, name in held:
+    for board, name in enough:
         by_first.setdefault(tuple(sorted(entry.label for entry in board.first)), []).append((board, name))
     ordered = sorted(by_first.items(), key=lambda item: (len(item[0]) > 1, -len(item[1])))
     parts = [(_first if len(labels) == 1 else _shared)(labels, where, len(held)) for labels, where in ordered]
+    if len(enough) < len(held):
+        parts.append(
+            f"in {_count(len(held) - len(enough), len(held))} there are too few judged frames to show anything"
+        )
     return "; ".join(filter(None, (*parts, _unfinished(boards)))) + "."
 
 

@@ -187,7 +187,7 @@ def _grid(board: Board, name: str, beside: Sequence[str]) -> Grid:
 
 
 def _notes(board: Board) -> list[str]:
-    kind = "frames" if board.metric in RUN_COLUMNS else "judged frames"
+    kind = ("" if board.metric in RUN_COLUMNS else "judged ") + ("frame" if board.frames == 1 else "frames")
     frames = f"{board.frames} {kind}" if board.frames else f"the {kind} of each, as none are of all"
     best = {"lower": "less is better", "higher": "more is better"}.get(board.better, "")
     notes = [

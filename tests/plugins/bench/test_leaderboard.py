@@ -242,6 +242,17 @@ def test_nothing_to_compare_is_said() -> None:
     assert verdict([board]) == "Nothing can be compared: no two contestants have judged frames."
 
 
+def test_few_frames_are_said_to_be_few(tmp_path: Path) -> None:
+    few = boards_of(one_board(tmp_path / "few", block=4))
+    assert few[0].frames == 4
+    assert [rank for rank, _ in ranks(few[0])] == [1, 1, 1]
+    assert verdict(few) == "Nothing is shown: that takes 6 judged frames that all contestants have."
+    enough = boards_of(one_board(tmp_path / "enough"))
+    assert verdict([*enough, *few]).endswith(
+        "; in 1 of 2 comparisons there are too few judged frames to show anything."
+    )
+
+
 def test_metrics_have_readable_names() -> None:
     assert [metric_name(name) for name in ("flip", "flip_changeable", "display_error", "psnr", "relmse")] == [
         "FLIP", "FLIP changeable", "display error", "PSNR", "relMSE",
