@@ -9,7 +9,6 @@ import math
 import os
 import time
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -178,27 +177,23 @@ def _cells(work: Work, task: Task, done: Done, spent: Spent) -> None:
         return
     judges = Judges(_metrics(work), _references(work, task, spent))
     for cell in waiting:
-
-        def turn(cell: Any = cell) -> None:
-            settings = read_json(store.cell(cell.id) / CELL_FILE)
-            renderer = renderer_of(task.setup, work, spent)
-            run_block(
-                renderer, task.setup, cell, task.block, settings, judges, store.cell_block(cell.id, task.block), spent
-            )
-
         if not store.belongs_to(work.token):
             # Our run ended, and another one took the folder over: what is left is its business.
             return
-        failure = _attempt(cell.id, turn)
-        if failure is None:
+        try:
+            settings = read_json(store.cell(cell.id) / CELL_FILE)
+            renderer = renderer_of(task.setup, work, spent)
+            target = store.cell_block(cell.id, task.block)
+            run_block(renderer, task.setup, cell, task.block, settings, judges, target, spent)
             done.blocks += 1
-            continue
-        done.failures.append(failure)
-        if store.belongs_to(work.token):
-            _note_failure(store, failure, task)
-        if failure.kind not in ("heuristic", "disk"):
-            # Whatever it was, it may have left something behind.
-            release()
+        except Exception as error:
+            failure = Failure(cell.id, kind_of(error, task.stage), reason_of(error))
+            done.failures.append(failure)
+            if store.belongs_to(work.token):
+                _note_failure(store, failure, task)
+            if failure.kind not in ("heuristic", "disk"):
+                # Whatever it was, it may have left something behind.
+                release()
 
 
 def _oracle(work: Work, task: Task, done: Done, spent: Spent) -> None:
@@ -243,15 +238,6 @@ def _ray_phase(store: Store, task: Task, budget: str) -> float:
         if folder.is_dir()
     ]
     return float(np.median(np.concatenate(rows))) if rows else math.nan
-
-
-def _attempt(cell: str, turn: Callable[[], None]) -> Failure | None:
-    """None, or why it failed."""
-    try:
-        turn()
-    except Exception as error:
-        return Failure(cell, kind_of(error, "cells"), reason_of(error))
-    return None
 
 
 def _note_failure(store: Store, failure: Failure, task: Task) -> None:
