@@ -229,7 +229,7 @@ class Judged:
             ms_of[number, items.object_id, items.effect] = frame.decisions.milliseconds * scale
         rows: list[tuple[np.ndarray, ...]] = [(np.zeros(0), np.zeros((0, effects)), *[np.zeros(0)] * 3)]
         for chosen in _subsets(effects):
-            there = has[:, chosen].all(axis=1)
+            there: np.ndarray = np.logical_and.reduce(has[:, chosen], axis=1)
             mine = np.flatnonzero(there)
             if not len(mine):
                 continue
