@@ -66,7 +66,7 @@ class EffectSets:
     @cached_property
     def whole(self) -> EffectSets:
         """Those in which what is traced is traced as a whole."""
-        return self.rows(np.isin(self.passes, (0, PASSES)).all(axis=1))
+        return self.rows(np.logical_and.reduce(np.isin(self.passes, (0, PASSES)), axis=1))
 
 
 @dataclass(frozen=True)
