@@ -135,13 +135,14 @@ def interval(value: Value, style: str) -> str:
     """ "[0.031, 0.034]", or nothing where there is no interval."""
     if not (math.isfinite(value.low) and math.isfinite(value.high)) or value.low == value.high:
         return ""
-    return f"[{written(value.low, style)}, {written(value.high, style)}]"
+    ends = (written(end, style).removesuffix(" %") for end in (value.low, value.high))
+    return f"[{', '.join(ends)}]"
 
 
 def written(value: float, style: str) -> str:
-    if style == "percent":
-        return f"{100 * value:.1f} %"
-    return format(value, style)
+    """A number as a style says; a zero has no sign."""
+    text = f"{100 * value:.1f} %" if style == "percent" else format(value, style)
+    return text if any(digit in "123456789" for digit in text) else text.removeprefix("-")
 
 
 def bar_of(value: Value, top: float) -> tuple[float, float, float] | None:

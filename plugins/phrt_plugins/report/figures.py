@@ -51,7 +51,9 @@ def error_against(
             axes.set_ylim(0, None)
         if x.min() > 0 and x.max() / x.min() > 20:
             axes.set_xscale("log")
-            axes.xaxis.set_major_formatter("{x:g}")
+        else:
+            axes.locator_params(axis="x", nbins=6)
+        axes.xaxis.set_major_formatter(lambda value, _: short(value))
         margins(figure, 0.72, 0.55 + legend_height(SIZE[0], ["Pareto front", *labels]))
         legend(figure, handles, ["Pareto front", *labels])
 
@@ -69,6 +71,14 @@ def error_against(
         draw(key, SIZE, paint),
         table_csv(columns, rows),
     )
+
+
+def short(value: float) -> str:
+    """A number for an axis: 1500 is "1.5k"."""
+    for size, sign in ((1e6, "M"), (1e3, "k")):
+        if abs(value) >= size:
+            return f"{value / size:g}{sign}"
+    return f"{value:g}"
 
 
 def _points(
@@ -104,9 +114,10 @@ def _name_budgets(axes: Any, entries: Sequence[Entry], x: np.ndarray, y: np.ndar
         place = float(x[low]) / across, float(y[low]) / along
         near = sum(abs(place[0] - other[0]) < 0.16 and abs(place[1] - other[1]) < 0.09 for other in written)
         written.append(place)
+        at_the_axis = float(y[low]) < 0.08 * float(y.max())
         axes.annotate(
-            plain(budget, 24), (x[low], y[low]), xytext=(0, -7 - 9 * near), textcoords="offset points", ha="center",
-            va="top", fontsize=8,
+            plain(budget, 24), (x[low], y[low]), xytext=(0, 7 + 9 * near if at_the_axis else -7 - 9 * near),
+            textcoords="offset points", ha="center", va="bottom" if at_the_axis else "top", fontsize=8,
         )  # fmt: skip
 
 
@@ -150,7 +161,8 @@ def shares(key: str, entries: Sequence[Entry], looks: Mapping[str, Look]) -> Plo
         key,
         "Share of the oracle",
         "1 is the exact knapsack: over every item's true benefit and cost for the error reduction, where 0 is raster only; over R "
-        "and predicted cost for the sum of R. With 95 % intervals.",
+        "and predicted cost for the sum of R. With 95 % intervals. The oracle has no values of earlier frames: who keeps them can "
+        "pass it.",
         "Dot plot of shares: " + "; ".join(_said(e, names) for e in entries[:40]) + ".",
         draw(key, (3.4 + 3.2 * len(names), height), paint),
         table_csv(columns, rows),

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from phrt_plugins.bench.results import BenchRun, Cell
+from phrt_plugins.bench.summary import clock_text
 from phrt_plugins.report import costs, timelines, traces
 from phrt_plugins.report.boards import Board
 from phrt_plugins.report.costs import CostMaker, predictions
@@ -52,12 +53,20 @@ def setups_of(run: BenchRun) -> list[Setup]:
     """The run's setups, without a figure yet. Those that are compared with each other, as they differ in effects only, are one."""
     budgets = planned_budgets(run)
     found = []
-    for number, id in enumerate(dict.fromkeys(run.contest(cell.setup) for cell in run.cells)):
+    for number, id in enumerate(planned_contests(run)):
         cells = [cell for cell in run.cells if run.contest(cell.setup) == id]
         first = {cell.group: cell for cell in sorted(cells, key=lambda cell: -cell.repeat)}
         kept = sorted((c for c in cells if first[c.group] is c), key=lambda cell: budgets.index(cell.budget))
         found.append(Setup(id, f"{number + 1}-{slug(id)}", cells[0].scene, about_setup(cells[0]), kept))
     return found
+
+
+def planned_contests(run: BenchRun) -> list[str]:
+    """Contests in the order in which the plan has their setups."""
+    plan = about(run, "plan").get("setups") or ()
+    planned = [str(entry["id"]) for entry in plan if isinstance(entry, dict) and "id" in entry]
+    used = list(dict.fromkeys(run.contest(cell.setup) for cell in run.cells))
+    return sorted(used, key=lambda id: planned.index(id) if id in planned else len(planned))
 
 
 def planned_budgets(run: BenchRun) -> list[str]:
@@ -74,9 +83,8 @@ def about_setup(cell: Cell) -> str:
 
 def clock_name(clock: Any) -> str:
     """ "wall clock", or the price of a ray."""
-    if isinstance(clock, Mapping) and "rays" in clock:
-        return f"{clock['rays']} ns a ray"
-    return "wall clock" if clock in (None, "wall") else str(clock)
+    name = clock_text(clock)
+    return "wall clock" if name == "wall" else name
 
 
 def slug(text: str) -> str:
@@ -183,11 +191,12 @@ def warnings_of(run: BenchRun) -> list[str]:
 
 def facts_of(run: BenchRun) -> list[tuple[str, str]]:
     """The comparison in a few words."""
-    scenes = dict.fromkeys(cell.scene for cell in run.cells)
+    scene_of = {run.contest(cell.setup): cell.scene for cell in run.cells}
+    scenes = dict.fromkeys(scene_of[contest] for contest in planned_contests(run))
     facts = [
         ("Scenes", ", ".join(scenes)),
         ("Contestants", str(len(dict.fromkeys(cell.label for cell in run.cells)))),
-        ("Budgets", ", ".join(dict.fromkeys(cell.budget for cell in run.cells))),
+        ("Budgets", ", ".join(planned_budgets(run))),
         ("Repeats", str(1 + max((cell.repeat for cell in run.cells), default=0))),
         ("Cells", f"{sum(cell.state == 'ok' for cell in run.cells)} of {len(run.cells)} whole"),
         ("Machine", str(about(run, "machine").get("cpu") or "unknown")),

@@ -57,7 +57,8 @@ class Source:
 def frames_of(run: BenchRun, setup: str, cells: Sequence[Cell]) -> dict[int, list[Source]]:
     """Frame number -> its pictures, the reference first, of the frames that have one. setup: whose reference is shown; cells: one
     per contestant and budget, of setups that are compared with each other."""
-    shown = run.references.get(setup)
+    names = (setup, *(cell.setup for cell in cells))
+    shown = next((run.references[name] for name in names if name in run.references), None)
     if shown is None:
         return {}
     references = {

@@ -15,8 +15,6 @@ from phrt_plugins.report.boards import Board, Placed, board
 from phrt_plugins.report.drawing import Look
 from phrt_plugins.report.model import Entry, entries_of
 
-NOTHING_YET = "Nothing has been measured yet."
-
 
 @dataclass(frozen=True)
 class Ranking:
@@ -75,7 +73,7 @@ def rank_run(run: BenchRun) -> Ranking:
     for entry in entries_of(rows):
         entries.setdefault(run.contest(entry.setup), []).append(entry)
     main, better = (found[0].metric, found[0].better) if found else (ranks.MAIN_METRIC, "lower")
-    return Ranking(main, better, ranks.verdict(found) if found else NOTHING_YET, entries, found)
+    return Ranking(main, better, ranks.verdict(found), entries, found)
 
 
 def summary_of(run: BenchRun) -> list[dict[str, Any]]:

@@ -9,9 +9,7 @@ from typing import Any
 import pytest
 import report_kit
 from bench_kit import write_bench
-
-from phrt_plugins.bench.results import BenchRun
-from phrt_plugins.report.report import write_report
+from cli_kit import Outcome, phrt
 
 
 @pytest.fixture(scope="session")
@@ -22,11 +20,16 @@ def bench_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def page_path(bench_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def reported(bench_folder: Path) -> Outcome:
+    """What the command said when it wrote the report of `bench_folder`."""
+    return phrt("report", str(bench_folder), "--json")
+
+
+@pytest.fixture(scope="session")
+def page_path(reported: Outcome, bench_folder: Path) -> Path:
     """The report of `bench_folder`."""
-    path = tmp_path_factory.mktemp("page") / "report.html"
-    write_report(BenchRun.read(bench_folder), path)
-    return path
+    assert reported.code == 0, reported.said
+    return bench_folder / "report.html"
 
 
 @pytest.fixture(scope="session")

@@ -160,6 +160,13 @@ def test_paper_has_no_controls_but_all_pictures(chromium: Any, page_path: Path) 
         assert seen.page.locator("details:not([open])").count() == 0
 
 
+def test_tables_fit_on_paper(chromium: Any, page_path: Path) -> None:
+    a4_less_margins = 718
+    with visit(chromium, page_path, a4_less_margins) as seen:
+        seen.page.emulate_media(media="print")
+        assert seen.page.evaluate("document.documentElement.scrollWidth") == a4_less_margins
+
+
 def test_ids_are_unique_and_everything_has_a_name(chromium: Any, page_path: Path) -> None:
     with visit(chromium, page_path) as seen:
         ids = seen.page.evaluate("[...document.querySelectorAll('[id]')].map((e) => e.id)")

@@ -6,15 +6,13 @@ import json
 from pathlib import Path
 
 import pytest
-from cli_kit import phrt
+from cli_kit import Outcome, phrt
 
 
-def test_it_writes_a_page_beside_the_run(bench_folder: Path) -> None:
+def test_it_writes_a_page_beside_the_run(bench_folder: Path, reported: Outcome) -> None:
     target = bench_folder / "report.html"
-    target.unlink(missing_ok=True)
-    done = phrt("report", str(bench_folder), "--json")
-    assert (done.code, done.errors) == (0, [])
-    said = json.loads(done.printed)
+    assert (reported.code, reported.errors) == (0, [])
+    said = json.loads(reported.printed)
     assert said["file"] == str(target)
     assert said["bytes"] == target.stat().st_size
     assert said["cells"] == 6
@@ -22,7 +20,6 @@ def test_it_writes_a_page_beside_the_run(bench_folder: Path) -> None:
     assert said["pictures"] > 20
     assert said["verdict"].startswith("gain ")
     assert "cells failed" in said["notes"][0]
-    target.unlink()
 
 
 @pytest.mark.parametrize(("form", "sign"), [("markdown", "| --:"), ("latex", r"\toprule")])
@@ -31,7 +28,6 @@ def test_tables_for_a_text(bench_folder: Path, tmp_path: Path, form: str, sign: 
     assert printed.code == 0
     assert sign in printed.printed
     assert "gain" in printed.printed
-    assert not (bench_folder / "report.html").exists()
     target = tmp_path / ("tables.tex" if form == "latex" else "tables.md")
     written = phrt("report", str(bench_folder), "--tables", form, "-o", str(target))
     assert (written.code, written.printed) == (0, "")
