@@ -24,6 +24,7 @@ class RunProgress:
         }
         self._total = sum(self._weights.values())
         self._ended = 0.0
+        self._open = {_id(task): task.title for task in tasks}
         self._count, self._done = len(tasks), 0
         self._began = self._spoken = time.perf_counter()
         self._bar: Progress | None = None
@@ -33,7 +34,7 @@ class RunProgress:
         if console.is_terminal and not terminal.quiet:
             columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn())
             self._bar = Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=console, transient=True)
-            self._task = self._bar.add_task("starting", total=max(self._total, 1e-9))
+            self._task = self._bar.add_task(self._now(), total=max(self._total, 1e-9))
             self._bar.start()
         return self
 
@@ -44,16 +45,21 @@ class RunProgress:
     def ended(self, task: Task, said: Sequence[str]) -> None:
         """`task` has ended; what went wrong in it is said."""
         self._done += 1
+        self._open.pop(_id(task), None)
         self._ended += self._weights.get(_id(task), 0.0)
         for text in said:
             if text not in terminal.warned:
                 terminal.warned.append(text)
                 messages().print(f"warning: {text}", markup=False)
         if self._bar is not None:
-            self._bar.update(self._task, completed=self._ended, description=task.title)
+            self._bar.update(self._task, completed=self._ended, description=self._now())
         elif time.perf_counter() - self._spoken > LINE_EVERY_S:
             self._spoken = time.perf_counter()
-            say(f"{self._done} of {self._count} done, {self._left()} left: {task.title}")
+            say(f"{self._done} of {self._count} done, {self._left()} left: {self._now()}")
+
+    def _now(self) -> str:
+        """What runs now, or, of what runs at the same time, the first."""
+        return next(iter(self._open.values()), "summing up")
 
     def _left(self) -> str:
         """The time that is left, if it goes on as so far."""

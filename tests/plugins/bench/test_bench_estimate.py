@@ -105,4 +105,5 @@ def test_the_time_that_is_left_is_said_and_every_warning_once(
     assert lines.count("warning: it was slow") == 1
     said = [line for line in lines if "done" in line]
     assert said[0].startswith("1 of 3 done, ")
-    assert said[-1] == "3 of 3 done, 0.0 s left: balls 64x36, repeat 1, block 2"
+    assert said[0].endswith(" left: balls 64x36, repeat 1, block 1")
+    assert said[-1] == "3 of 3 done, 0.0 s left: summing up"
