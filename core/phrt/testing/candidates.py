@@ -94,7 +94,7 @@ def context(budget: float = math.inf, frame_index: int = 0, **changes: Any) -> F
 
 
 class Tally:
-    """What was asked for of every item, and what that is predicted to cost. Raises AssertionError for a wrong answer."""
+    """What was asked for of every item, and what that is predicted to cost. Raises BrokenContract for a wrong answer."""
 
     def __init__(self, contract: Contract, work: Candidates, case: object = "") -> None:
         self._contract, self._work, self._case = contract, work, case
@@ -160,7 +160,7 @@ def one_frame(
     """(item, passes) of one frame in the order asked for, each charged at once.
 
     late: an item is reported when so many others were asked for after it. changes: fields of the context.
-    Raises AssertionError where an answer is none, does not fit, comes twice, or answers never end.
+    Raises BrokenContract where an answer is none, does not fit, comes twice, or answers never end.
     """
     contract = contract or Contract(f"heuristic {type(heuristic).__name__}")
     tally, chosen, unreported, left = Tally(contract, work, case), [], [], budget

@@ -19,6 +19,10 @@ Given = str | Plugin | Callable[..., Any]
 """What is checked: the name of a registered plugin, a descriptor, or a class or function that takes the options."""
 
 
+class BrokenContract(AssertionError):
+    """A plugin does not keep its contract. The message names the plugin, the rule and the case."""
+
+
 class Contract:
     """Of one plugin, called `title` in messages."""
 
@@ -26,21 +30,21 @@ class Contract:
         self.title = title
 
     def holds(self, condition: object, rule: str, case: object = "") -> None:
-        """Raises AssertionError that names the rule and the case where `condition` is false."""
+        """Raises BrokenContract that names the rule and the case where `condition` is false."""
         if not condition:
-            raise AssertionError(self.message(rule, case))
+            raise BrokenContract(self.message(rule, case))
 
     def message(self, rule: str, case: object) -> str:
         return f"{self.title} breaks its contract: {rule}" + (f" [{case}]" if str(case) else "")
 
     def call(self, call: str, function: Callable[[], R], case: object = "") -> R:
-        """What `function` returns; `call` is what it does for the plugin. Raises AssertionError where it raises."""
+        """What `function` returns; `call` is what the plugin does in it. Raises BrokenContract where it raises."""
         try:
             return function()
-        except AssertionError:
+        except BrokenContract:
             raise
         except Exception as error:
-            raise AssertionError(self.message(f"{call} raised {describe(error)}", case)) from error
+            raise BrokenContract(self.message(f"{call} raised {describe(error)}", case)) from error
 
 
 class Maker:
@@ -73,5 +77,5 @@ class Maker:
         return dependency in inspect.signature(self._factory).parameters
 
     def __call__(self, **dependencies: object) -> Any:
-        """A new one. Raises AssertionError where it cannot be made."""
+        """A new one. Raises BrokenContract where it cannot be made."""
         return self.contract.call("making it", lambda: self._factory(self._options, **dependencies))

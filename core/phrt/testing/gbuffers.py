@@ -18,7 +18,7 @@ from phrt.kernels.arrays import SurfaceArrays, surface_arrays
 from phrt.model import Image, Material, TextureRef
 from phrt.registry.auto import FALLBACK_GBUFFER
 from phrt.registry.manager import get_registry
-from phrt.testing.contract import Given, Maker
+from phrt.testing.contract import BrokenContract, Given, Maker
 from phrt.testing.tracers import ORACLE
 from phrt.testing.worlds import at, four_colors, front_view, half_covered, quad, sphere, world_of
 from phrt.workers import Workers
@@ -51,7 +51,7 @@ TOLERANCES = {name: Tolerance(1e-5) for name in CHANNELS} | {
 
 
 def check_gbuffer(gbuffer: Given, options: Mapping[str, object] | BaseModel | None = None) -> None:
-    """Put a G-buffer producer through its contract. Raises AssertionError naming the rule and the case.
+    """Put a G-buffer producer through its contract. Raises BrokenContract naming the rule and the case.
 
     gbuffer: the name of a registered one, a descriptor, or a class that takes `options`; with a parameter `tracer` it is given
              one, and with `workers` threads, as the descriptor's `needs_tracer` asks for
@@ -124,7 +124,7 @@ class _Rig:
         try:
             buffer.validate()
         except (ValueError, KeyError) as error:
-            raise AssertionError(
+            raise BrokenContract(
                 self.contract.message(f"a G-buffer is as the table of channels says: {error}", case)
             ) from error
         return buffer
@@ -190,10 +190,13 @@ def _values_that_are_known(make: Maker) -> None:
 
 def _every_channel_is_what_primary_rays_find(make: Maker) -> None:
     with _rig(make, busy_world()) as rig:
-        for eye in ((0.0, 0.0, 2.0), (1.5, 1.0, 1.2), (-0.7, 0.0, -0.2)):
-            view = small_view(world_from_view=look_at(eye, (0, 0, -1)))
-            rig.compare(view, f"many materials, seen from {eye}")
-            rig.compare(view.with_jitter(0.3, -0.4), f"many materials, seen from {eye}, with jitter")
+        for eye, jitter in (
+            ((0.0, 0.0, 2.0), (0.0, 0.0)),
+            ((1.5, 1.0, 1.2), (0.3, -0.4)),
+            ((-0.7, 0.0, -0.2), (-0.2, 0.1)),
+        ):
+            view = small_view(world_from_view=look_at(eye, (0, 0, -1)), jitter=jitter)
+            rig.compare(view, f"many materials, seen from {eye} with jitter {jitter}")
         flat = small_view(orthographic=True, tan_half=(1.5, 1.0), near=0.0)
         rig.compare(flat, "many materials, orthographic")
         rig.compare(small_view(near=2.7, far=4.0), "cut by the near plane and the far plane")

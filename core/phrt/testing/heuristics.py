@@ -12,7 +12,7 @@ from pydantic import BaseModel
 
 from phrt.interfaces.heuristic import NEVER_TRACED, PASSES, BudgetUnit, Candidates, Heuristic, Request
 from phrt.testing.candidates import OBJECTS, Tally, candidates, context, one_frame, rows
-from phrt.testing.contract import Contract, Given, Maker
+from phrt.testing.contract import BrokenContract, Contract, Given, Maker
 from phrt.watchdog import PATIENCE_S, Guard, NeverReturned
 
 EFFECTS = ("shadows", "reflections")
@@ -89,7 +89,7 @@ def check_heuristic(
     cases: int = 100,
     patience_s: float = PATIENCE_S,
 ) -> None:
-    """Put a heuristic through its contract. Raises AssertionError naming the rule and the case.
+    """Put a heuristic through its contract. Raises BrokenContract naming the rule and the case.
 
     heuristic : the name of a registered one, a descriptor, or a class that takes `options`
     mandatory : False for one that leaves mandatory items out on purpose
@@ -107,7 +107,7 @@ def check_heuristic(
             with guard:
                 contract.call("a frame", lambda: _check_case(contract, make, case, mandatory, any_order), case)
         except NeverReturned:
-            raise AssertionError(contract.message(f"calls return; one took {patience_s:g} seconds", case)) from None
+            raise BrokenContract(contract.message(f"calls return; one took {patience_s:g} seconds", case)) from None
 
     for case in FIXED:
         check(case)

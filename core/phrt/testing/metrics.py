@@ -25,7 +25,7 @@ FRAMES = 12
 def check_metric(
     metric: Given, options: Mapping[str, object] | BaseModel | None = None, *, beyond: Collection[str] = ()
 ) -> None:
-    """Put a metric through its contract. Raises AssertionError naming the rule and the case.
+    """Put a metric through its contract. Raises BrokenContract naming the rule and the case.
 
     metric: the name of a registered one, a descriptor, or a class that takes `options`
     beyond: columns by which a picture may be better than its reference: steadier, say
