@@ -47,7 +47,7 @@ def content_hash(script: str) -> str:
 
 def csv_link(text: str) -> str:
     """CSV as a data: link."""
-    return "data:text/csv;charset=utf-8;base64," + base64.b64encode(text.encode()).decode("ascii")
+    return "data:text/csv;charset=utf-8;base64," + base64.b64encode(text.encode(errors="replace")).decode("ascii")
 
 
 def write_page(path: Path, page: str) -> None:

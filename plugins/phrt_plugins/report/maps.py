@@ -20,6 +20,7 @@ from typing import IO
 
 import numpy as np
 
+from phrt.errors import OptionError
 from phrt.workers import usable_cores
 
 FEWEST_A_PROCESS = 4
@@ -87,19 +88,25 @@ def flip_errors(reference: np.ndarray, picture: np.ndarray) -> np.ndarray | None
 
 
 def read_picture(path: Path) -> np.ndarray:
-    """(H, W, 3) uint8 of a PNG."""
+    """(H, W, 3) uint8 of a PNG. Raises OptionError where it is not whole."""
     from PIL import Image
 
-    with Image.open(path) as image:
-        return np.asarray(image.convert("RGB"))
+    try:
+        with Image.open(path) as image:
+            return np.asarray(image.convert("RGB"))
+    except OSError as error:
+        raise OptionError(f"'{path}' cannot be read: {error}") from error
 
 
 def size_of(path: Path) -> tuple[int, int]:
-    """(width, height) of a PNG."""
+    """(width, height) of a PNG. Raises OptionError where it is none."""
     from PIL import Image
 
-    with Image.open(path) as image:
-        return image.size
+    try:
+        with Image.open(path) as image:
+            return image.size
+    except OSError as error:
+        raise OptionError(f"'{path}' cannot be read: {error}") from error
 
 
 def encoded(picture: np.ndarray, size: tuple[int, int]) -> str:

@@ -67,13 +67,14 @@ class StripMaker:
 
 
 def rows_of(table: Any, row: Mapping[Item, int]) -> np.ndarray:
-    """(n,) int64: the row of every candidate of a pyarrow table with `object` and `effect`; -1 for one that has none."""
+    """(n,) int64: the row of every candidate of a pyarrow table with `object` and `effect`; -1 for one that has none. An effect
+    that was chosen light by light, as shadows@/Lights/Key, is in the row of the whole effect, where that has one."""
     objects, object_code = coded(table, "object")
     effects, effect_code = coded(table, "effect")
     of_pair = np.full((len(objects), len(effects)), -1, np.int64)
     for number, path in enumerate(objects):
         for other, effect in enumerate(effects):
-            of_pair[number, other] = row.get((path, effect), -1)
+            of_pair[number, other] = row.get((path, effect), row.get((path, effect.partition("@")[0]), -1))
     return of_pair[object_code, effect_code]
 
 
@@ -105,7 +106,8 @@ def most_important(tables: Iterable[Any], weight: str, most: int = ROWS) -> list
 
 def time_lines(key: str, budget: str, order: str, items: Sequence[Item], strips: Sequence[Strip]) -> Plot | None:
     """A strip per contestant, one below the other. order: by what the items are sorted. None where no item was ever in view."""
-    strips = [strip for strip in strips if strip.state.size and strip.state.any()]
+    others = [strip.label for strip in strips if not strip.state.any()]
+    strips = [strip for strip in strips if strip.state.any()]
     if not strips:
         return None
     names = [plain(f"{path} · {effect}", 44) for path, effect in items]
@@ -140,7 +142,8 @@ def time_lines(key: str, budget: str, order: str, items: Sequence[Item], strips:
         key,
         f"What was traced when, under {budget}",
         f"The {len(items)} most important items {order}, top down."
-        + (f" A column is {size} frames: the share of the item's pixels that was traced in them." if size > 1 else ""),
+        + (f" A column is {size} frames: the share of the item's pixels that was traced in them." if size > 1 else "")
+        + (f" None of them is an item of {', '.join(others)}." if others else ""),
         "Time lines: "
         + "; ".join(
             f"{strip.label} traced these items in {100 * traced(strip):.0f} % of their frames" for strip in strips

@@ -247,6 +247,22 @@ def test_time_lines_tell_their_stretches() -> None:
     assert f"…{(chr(47) + HOSTILE + ' · shadows')[-43:]}" in texts_of(plot)
 
 
+def test_lights_of_an_effect_share_its_row() -> None:
+    maker = StripMaker("gain", [FLOOR], np.arange(1))
+    lights = [(FLOOR[0], "shadows@/Lights/A"), (FLOOR[0], "shadows@/Lights/B")]
+    maker.add(candidates_table([(0, lights[0], 100, 100, 0.0), (0, lights[1], 100, 0, 0.0)]))
+    assert maker.strip().state.tolist() == [[4]]
+
+
+def test_whose_items_are_others_is_named() -> None:
+    mine, others = (StripMaker(label, [FLOOR], np.arange(2)) for label in ("gain", "by object"))
+    mine.add(candidates_table([(0, FLOOR, 9, 9, 0.0)]))
+    others.add(candidates_table([(0, (FLOOR[0], "all"), 9, 9, 0.0)]))
+    plot = time_lines("a", "50ms", "by R", [FLOOR], [mine.strip(), others.strip()])
+    assert plot is not None
+    assert plot.caption.endswith("None of them is an item of by object.")
+
+
 def test_nothing_in_view_is_no_figure() -> None:
     assert time_lines("a", "50ms", "by R", [FLOOR], [StripMaker("gain", [FLOOR], np.arange(3)).strip()]) is None
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from phrt.errors import OptionError
 from phrt_plugins.report import maps, pictures
 from phrt_plugins.report.maps import Pair, encoded, flip_errors, magma, make_maps, map_of
 from phrt_plugins.report.pictures import Album, Source, from_the_middle, thumbnail
@@ -142,3 +143,11 @@ def test_a_process_that_dies_costs_its_maps_only(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(maps, "usable_cores", lambda: 2)
     monkeypatch.setattr(maps.sys, "executable", "/bin/false")
     assert make_maps(pairs) == ["", "", "", ""]
+
+
+def test_a_picture_that_is_not_whole_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "half.png"
+    Image.fromarray(NOISE).save(path)
+    path.write_bytes(path.read_bytes()[:2000])
+    with pytest.raises(OptionError, match=r"half\.png' cannot be read"):
+        thumbnail(path)
