@@ -12,7 +12,7 @@ from typing import Any
 import needs
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-HOSTILE = "<img src=x onerror=alert(1)>&'\"$x^2$"
+HOSTILE = "<img src=x onerror=a()>&'\"$x^2$"
 """What no page may run: a label, a title, a path."""
 
 

@@ -16,7 +16,8 @@ MODELS = {
     "predicted_ms_paper": "model: paper (ms per unit of C)",
 }
 COLUMNS = ("frame", "pixel_count", "traced_pixels", "milliseconds", *MODELS)
-SIZE = (9.6, 4.6)
+WIDTH, HEIGHT = 9.6, 4.3
+"""Inches, the height without the legend."""
 MOST_OF_A_CONTESTANT = 400
 MOST_MARKS = 800
 """More are drawn into a picture inside the SVG."""
@@ -67,6 +68,7 @@ def predictions(key: str, contestants: Sequence[Costs], looks: Mapping[str, Look
     shown = [(each, spread(len(each.frame), MOST_OF_A_CONTESTANT)) for each in contestants]
     drawn_as_picture = sum(len(rows) for _, rows in shown) > MOST_MARKS
     ends = limits([each.actual for each in contestants])
+    below = legend_height(WIDTH, list(dict.fromkeys(each.label for each in contestants)))
 
     def paint(figure: Any) -> None:
         from matplotlib.ticker import LogLocator, NullLocator
@@ -92,7 +94,7 @@ def predictions(key: str, contestants: Sequence[Costs], looks: Mapping[str, Look
                 direction.set_major_formatter("{x:g}")
                 direction.set_minor_locator(NullLocator())
         panels[0].set_ylabel("took, ms")
-        margins(figure, 0.75, 0.55 + legend_height(SIZE[0], list(handles)), top=0.32, wspace=0.3)
+        margins(figure, 0.75, 0.55 + below, top=0.32, wspace=0.3)
         legend(figure, list(handles.values()), list(handles))
 
     rows = [
@@ -113,7 +115,7 @@ def predictions(key: str, contestants: Sequence[Costs], looks: Mapping[str, Look
         "A mark is a frame's ray phase, all budgets together. On the line, what was traced took what was predicted; "
         f"the dotted lines are 20 % below and 25 % above. {errors}",
         f"Scatter of predicted against actual milliseconds of the ray phase for both cost models. {errors}",
-        draw(key, SIZE, paint),
+        draw(key, (WIDTH, HEIGHT + below), paint),
         table_csv(("label", "budget", "frame", "actual_ms", *MODELS), rows),
         wide=True,
     )

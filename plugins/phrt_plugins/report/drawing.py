@@ -13,8 +13,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a6a53", "#8c8c8c")
-"""Told apart by colour-blind people (Okabe and Ito 2008, without yellow and black; brown and grey are ours)."""
+COLOURS = (
+    "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#332288", "#7a6a53", "#882255", "#8c8c8c",
+)  # fmt: skip
+"""Told apart by colour-blind people: Okabe and Ito 2008 without yellow and black, indigo and wine of Paul Tol; brown and grey are ours.
+The style sheet lightens the dark ones where the page is dark."""
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">")
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
 INK, GRID = "#1f2933", "#d5dae0"
@@ -121,10 +124,21 @@ def _shorter(found: re.Match[str]) -> str:
     return re.sub(r"-?\d+\.\d{3,}", lambda number: f"{float(number[0]):.2f}", found[0])
 
 
-def plain(text: str, most: int = 60) -> str:
-    """Text of data for a figure: no control signs, which SVG cannot hold, and not too long: its end says more."""
-    text = "".join(sign if sign.isprintable() else " " for sign in text)
+def path_text(text: str, most: int = 44) -> str:
+    """A path for a figure: its end says more than its beginning."""
+    text = printable(text)
     return text if len(text) <= most else "…" + text[-(most - 1) :]
+
+
+def name_text(text: str, most: int = 34) -> str:
+    """A name for a figure, cut at its end."""
+    text = printable(text)
+    return text if len(text) <= most else text[: most - 1] + "…"
+
+
+def printable(text: str) -> str:
+    """Text of data without control signs, which SVG cannot hold."""
+    return "".join(sign if sign.isprintable() else " " for sign in text)
 
 
 def table_csv(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
@@ -166,12 +180,12 @@ def legend_height(width: float, labels: Sequence[str]) -> float:
 
 def _fitting(width: float, labels: Sequence[str]) -> int:
     """Columns of a legend."""
-    return min(max(1, int((width - 0.2) / (text_width(map(plain, labels), 9) + 0.5))), max(len(labels), 1))
+    return min(max(1, int((width - 0.2) / (text_width(map(name_text, labels), 9) + 0.5))), max(len(labels), 1))
 
 
 def legend(figure: Any, handles: Sequence[Any], labels: Sequence[str]) -> None:
     """A legend at the lower edge of a figure. Labels are data: one that begins with "_" would be left out by matplotlib."""
-    shown = [("\u200b" + label) if label.startswith("_") else label for label in map(plain, labels)]
+    shown = [("\u200b" + label) if label.startswith("_") else label for label in map(name_text, labels)]
     figure.legend(
         handles, shown, loc="lower center", bbox_to_anchor=(0.5, 0.0), ncols=_fitting(figure.get_figwidth(), labels),
         borderaxespad=0.1, labelspacing=0.3, columnspacing=1.2, handletextpad=0.5, markerscale=1.4,

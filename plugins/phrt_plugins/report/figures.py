@@ -15,14 +15,15 @@ from phrt_plugins.report.drawing import (
     legend,
     legend_height,
     margins,
-    plain,
+    name_text,
     table_csv,
     text_width,
 )
 from phrt_plugins.report.model import Entry
 from phrt_plugins.report.thinning import pareto
 
-SIZE = (4.8, 3.9)
+WIDTH, HEIGHT = 4.8, 3.2
+"""Inches, the height without the legend."""
 
 
 def error_against(
@@ -36,12 +37,13 @@ def error_against(
         return None
     x, y = (np.array([e.value(name) for e in shown]) for name in (cost, error))
     front = pareto(x, -y if better == "higher" else y)
+    named = ["Pareto front", *dict.fromkeys(e.label for e in shown)]
+    below = legend_height(WIDTH, named)
 
     def paint(figure: Any) -> None:
         axes = figure.add_subplot()
         handles = axes.plot(x[front], y[front], color=INK, linewidth=5, alpha=0.2, solid_capstyle="round", zorder=1)
-        labels = list(dict.fromkeys(e.label for e in shown))
-        for label in labels:
+        for label in named[1:]:
             rows = [row for row, e in enumerate(shown) if e.label == label]
             rows.sort(key=lambda row: x[row])
             handles.append(_points(axes, [shown[row] for row in rows], x[rows], y[rows], error, cost, looks[label]))
@@ -54,8 +56,8 @@ def error_against(
         else:
             axes.locator_params(axis="x", nbins=6)
         axes.xaxis.set_major_formatter(lambda value, _: short(value))
-        margins(figure, 0.72, 0.55 + legend_height(SIZE[0], ["Pareto front", *labels]))
-        legend(figure, handles, ["Pareto front", *labels])
+        margins(figure, 0.72, 0.55 + below)
+        legend(figure, handles, named)
 
     best = shown[int(front[-1])]
     columns = ("label", "budget", cost, f"{cost}_low", f"{cost}_high", error, f"{error}_low", f"{error}_high", "pareto")
@@ -68,7 +70,7 @@ def error_against(
         "Every contestant under every budget, with 95 % intervals. On the Pareto front is what nothing beats in both.",
         f"Scatter of {error} against {axis}: {len(shown)} points, {len(front)} of them on the Pareto front; "
         f"the best is {y[front[-1]]:.4g}, of {best.label} under {best.budget}.",
-        draw(key, SIZE, paint),
+        draw(key, (WIDTH, HEIGHT + below), paint),
         table_csv(columns, rows),
     )
 
@@ -116,7 +118,7 @@ def _name_budgets(axes: Any, entries: Sequence[Entry], x: np.ndarray, y: np.ndar
         written.append(place)
         at_the_axis = float(y[low]) < 0.08 * float(y.max())
         axes.annotate(
-            plain(budget, 24), (x[low], y[low]), xytext=(0, 7 + 9 * near if at_the_axis else -7 - 9 * near),
+            name_text(budget, 24), (x[low], y[low]), xytext=(0, 7 + 9 * near if at_the_axis else -7 - 9 * near),
             textcoords="offset points", ha="center", va="bottom" if at_the_axis else "top", fontsize=8,
         )  # fmt: skip
 
@@ -143,16 +145,16 @@ def shares(key: str, entries: Sequence[Entry], looks: Mapping[str, Look]) -> Plo
                         markersize=5.5, elinewidth=1.2, capsize=2,
                     )  # fmt: skip
                     axes.annotate(
-                        plain(budget, 16), (e.value(name) + high, place), xytext=(5, 0), textcoords="offset points",
+                        name_text(budget, 16), (e.value(name) + high, place), xytext=(5, 0), textcoords="offset points",
                         va="center", fontsize=7,
                     )  # fmt: skip
             axes.axvline(1, color=INK, linewidth=1, linestyle=(0, (4, 3)))
             axes.set_title(titles[name])
             axes.set(xlabel="share", ylim=(len(labels) - 0.4, -0.6))
             axes.margins(x=0.12)
-            axes.set_yticks(range(len(labels)), [plain(label, 28) for label in labels])
+            axes.set_yticks(range(len(labels)), [name_text(label) for label in labels])
             axes.tick_params(axis="y", length=0)
-        margins(figure, 0.25 + text_width(plain(label, 28) for label in labels), 0.5, top=0.3, wspace=0.25)
+        margins(figure, 0.25 + text_width(name_text(label) for label in labels), 0.5, top=0.3, wspace=0.25)
 
     columns = ["label", "budget", *(f"{n}{end}" for n in names for end in ("", "_low", "_high"))]
     rows = [[e.label, e.budget, *_cells(e, names)] for e in entries]

@@ -9,7 +9,18 @@ from typing import Any
 import numpy as np
 
 from phrt.recording.reasons import coded
-from phrt_plugins.report.drawing import INK, Plot, draw, legend, legend_height, margins, plain, table_csv, text_width
+from phrt_plugins.report.drawing import (
+    INK,
+    Plot,
+    draw,
+    legend,
+    legend_height,
+    margins,
+    name_text,
+    path_text,
+    table_csv,
+    text_width,
+)
 from phrt_plugins.report.thinning import bin_size
 
 COLUMNS = ("frame", "object", "effect", "pixel_count", "traced_pixels", "history_share")
@@ -110,7 +121,7 @@ def time_lines(key: str, budget: str, order: str, items: Sequence[Item], strips:
     strips = [strip for strip in strips if strip.state.any()]
     if not strips:
         return None
-    names = [plain(f"{path} · {effect}", 44) for path, effect in items]
+    names = [path_text(f"{path} · {effect}") for path, effect in items]
 
     picture = stacked([strip.state for strip in strips])
     height = ROW_HEIGHT * len(picture)
@@ -131,7 +142,9 @@ def time_lines(key: str, budget: str, order: str, items: Sequence[Item], strips:
         axes.grid(visible=False)
         axes.spines[:].set_visible(False)
         for number, strip in enumerate(strips):
-            axes.text(across[0], number * rows + 0.8, plain(strip.label), fontsize=9, fontweight="bold", va="center")
+            axes.text(
+                across[0], number * rows + 0.8, name_text(strip.label), fontsize=9, fontweight="bold", va="center"
+            )
         axes.set_xlabel("frame")
         axes.xaxis.get_major_locator().set_params(integer=True)
         margins(figure, 0.2 + text_width(names, 7), 0.52 + legend_height(WIDTH, STATES), top=0.05)

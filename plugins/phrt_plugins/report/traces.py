@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from phrt_plugins.report.drawing import INK, Look, Plot, draw, margins, plain, table_csv
+from phrt_plugins.report.drawing import INK, Look, Plot, draw, margins, name_text, table_csv
 from phrt_plugins.report.thinning import Band, band, bin_size
 
 COLUMNS = ("frame", "clock_ms", "deadline_ms", "ray_ms", "budget", "left")
@@ -78,7 +78,7 @@ def frame_times(key: str, budget: str, axis: str, traces: Sequence[Trace], looks
                 axes.plot(limit.frame, limit.middle, color=LIMIT_COLOUR, linewidth=1.1, linestyle=(0, (5, 2)))
             late = each.high > limit.middle * (1 + OVER_A_LITTLE)
             axes.plot(each.frame[late], np.minimum(each.high[late], top), "|", color=LIMIT_COLOUR, markersize=6)
-            axes.set_title(plain(trace.label), fontsize=9, pad=2)
+            axes.set_title(name_text(trace.label), fontsize=9, pad=2)
             axes.set_title(said_of_limit(trace), fontsize=8.5, pad=2, loc="right", fontweight="normal")
             axes.set_ylim(0, top * 1.08)
             axes.margins(x=0)
