@@ -16,6 +16,8 @@ class MyHeuristicOptions(Options):
 
 
 class MyHeuristic(Heuristic):
+    """By falling area / distance ** power; what does not fit is passed over."""
+
     def __init__(self, options: MyHeuristicOptions) -> None:
         self.options = options
 
