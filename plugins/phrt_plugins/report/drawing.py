@@ -16,8 +16,8 @@ from typing import Any
 COLOURS = (
     "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#332288", "#7a6a53", "#882255", "#8c8c8c",
 )  # fmt: skip
-"""Told apart by colour-blind people: Okabe and Ito 2008 without yellow and black, indigo and wine of Paul Tol; brown and grey are ours.
-The style sheet lightens the dark ones where the page is dark."""
+"""Told apart by colour-blind people: Okabe and Ito 2008 without yellow and black, indigo and wine of Paul Tol; brown and grey are
+ours. The style sheet lightens the dark ones where the page is dark."""
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">")
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
 INK, GRID = "#1f2933", "#d5dae0"

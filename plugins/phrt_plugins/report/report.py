@@ -59,8 +59,10 @@ class Silent:
 
 
 def steps_of(run: BenchRun) -> int:
-    """About how many steps `write_report` takes."""
-    return 2 * len(run.cells) + len(run.setups) + 2
+    """How many steps `write_report` takes, or a few more."""
+    setups = gather.setups_of(run)
+    frames = sum(len(run.pictures(run.references[setup.id])) for setup in setups if setup.id in run.references)
+    return 2 + sum(1 + len(setup.cells) for setup in setups) + frames
 
 
 def write_report(run: BenchRun, path: Path, progress: Progress | None = None) -> Written:

@@ -32,7 +32,8 @@ def page_path(reported: Outcome, bench_folder: Path) -> Path:
     return bench_folder / "report.html"
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def chromium() -> Iterator[Any]:
+    """A browser; closed with the module, as other tests cannot run an event loop beside playwright's."""
     with report_kit.browser() as opened:
         yield opened

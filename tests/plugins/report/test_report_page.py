@@ -15,7 +15,7 @@ from phrt_plugins.bench.results import BenchRun
 from phrt_plugins.report import html
 from phrt_plugins.report.html import content_hash, page_of, write_page
 from phrt_plugins.report.ranking import rank_run
-from phrt_plugins.report.report import write_report
+from phrt_plugins.report.report import steps_of, write_report
 
 
 class Words(HTMLParser):
@@ -42,6 +42,19 @@ class Words(HTMLParser):
     @property
     def text(self) -> str:
         return "\n".join(self.texts)
+
+
+class Steps:
+    """A progress bar that counts."""
+
+    def __init__(self) -> None:
+        self.done, self.said = 0, [""]
+
+    def step(self, text: str) -> None:
+        self.said.append(text)
+
+    def advance(self) -> None:
+        self.done += 1
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +127,10 @@ def test_an_unfinished_run_says_so_on_top(tmp_path: Path) -> None:
         oracle=False,
         pictures=False,
     )
-    made = write_report(BenchRun.read(folder), tmp_path / "report.html")
+    bar = Steps()
+    made = write_report(BenchRun.read(folder), tmp_path / "report.html", bar)
+    assert bar.done == steps_of(BenchRun.read(folder))
+    assert bar.said[-1] == "writing"
     assert made.warnings[0].startswith("This comparison is still running, or was ended: 3 of 4 blocks are there.")
     found = Words((tmp_path / "report.html").read_text())
     assert found.texts.index(made.warnings[0]) < found.texts.index(made.verdict)
