@@ -224,7 +224,7 @@ def test_a_scene_renders_by_an_installed_heuristic_by_config_alone(installed: Pa
     scene = yaml.safe_load(run_bench_kit.SCENE)
     scene["prims"]["Settings"]["heuristic"] = "nearest"
     (tmp_path / "scene.yaml").write_text(yaml.safe_dump(scene))
-    command = ["-m", "phrt.cli", "render", "scene.yaml", "-o", "out.png", "--size", "64x36", "--budget", "3000rays"]
+    command = ["-m", "phrt.cli", "render", "scene.yaml", "-o", "out.png", "--size", "64x36", "--budget", "500rays"]
     done = run(installed, "-W", "error", *command, "--record", "run", "--json", folder=tmp_path)
     assert json.loads(done.stdout)["files"]
     frame = read_run(tmp_path / "run").frames.to_pylist()[0]

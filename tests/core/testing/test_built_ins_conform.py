@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import needs
 import pytest
 
@@ -49,6 +52,11 @@ def test_effects_conform(name: str, options: dict[str, object]) -> None:
 @pytest.mark.parametrize("name", built_in("metric"))
 def test_metrics_conform(name: str) -> None:
     check_metric(available("metric", name), beyond=BEYOND.get(name, ()))
+
+
+def test_the_kit_needs_no_test_framework() -> None:
+    code = "import sys, phrt.testing; assert not {'pytest', 'hypothesis', 'pyarrow'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, timeout=120)
 
 
 def test_nothing_that_ships_is_left_out() -> None:
