@@ -160,6 +160,13 @@ def test_paper_has_no_controls_but_all_pictures(chromium: Any, page_path: Path) 
         assert seen.page.locator("details:not([open])").count() == 0
 
 
+def test_without_script_everything_can_be_read(chromium: Any, page_path: Path) -> None:
+    with visit(chromium, page_path, java_script_enabled=False) as seen:
+        assert not seen.page.locator(".stage").first.is_visible()
+        assert all(picture.is_visible() for picture in seen.page.locator(".shots .map").all())
+        assert seen.said == []
+
+
 def test_tables_fit_on_paper(chromium: Any, page_path: Path) -> None:
     a4_less_margins = 718
     with visit(chromium, page_path, a4_less_margins) as seen:
