@@ -43,7 +43,7 @@ NO_PARTS = Parts(*(np.zeros(0, np.int64) for _ in range(3)))
 class Ledger:
     """What has been asked for and traced of every item in this frame. n items, m units.
 
-    asked, traced (n,) int64 pixels; order (n,) int32, as in `Decisions`; unit_pixels, unit_rays, unit_ms (m,)
+    effect (n,) int32; asked, traced (n,) int64 pixels; order (n,) int32, as in `Decisions`; unit_pixels, unit_rays, unit_ms (m,)
     float64: what tracing the units took.
     """
 
@@ -52,6 +52,7 @@ class Ledger:
         self._work = work
         self._size = work.candidates.pixel_count.astype(np.int64)
         self._price = work.candidates.predicted_cost / np.maximum(self._size, 1)
+        self.effect = work.candidates.effect
         self._named = 0
         self._off = np.zeros(count, bool)
         self._passes = np.zeros(count, np.int64)
