@@ -11,6 +11,7 @@ from phrt.candidates import WorkItems
 from phrt.experience import Experience
 from phrt.frame import CUT, EFFECT_OFF, NO_FIT, NO_TIME, NOT_ASKED, REDUCED, SELECTED, Decisions
 from phrt.interfaces.heuristic import PASSES, BudgetUnit, Outcome
+from phrt.kernels.booking import are_requests, request_parts
 
 ALL_PIXELS = np.iinfo(np.int64).max
 """What stands for no limit in requests."""
@@ -65,38 +66,26 @@ class Ledger:
         """What requests for `items` (k,) stand for, none of them twice; None where there is no such item, or it was asked for
         whole before. passes, pixels (k,) int64: at most so many. Later passes of an item of few pixels may hold none: such
         parts are left out."""
-        inside = (items >= 0) & (items < len(self._size)) & (passes >= 1) & (pixels >= 1)
-        if not inside.all():
+        if not are_requests(items, passes, pixels, self._passes, PASSES):
             return None
-        start, size, limited = self.asked[items], self._size[items], pixels != ALL_PIXELS
-        if (self._passes[items] >= PASSES).any():
-            return None
-        # Requests for some pixels leave no trace, unless there are none left: or they could be made forever.
-        self._passes[items[limited & (start >= size)]] += 1
-        last = np.minimum(self._passed(items, start, limited) + passes, PASSES)
-        stop = np.minimum(np.maximum(self._ends(items, last), start), start + np.minimum(pixels, size))
-        stop = np.where(limited, np.minimum(np.maximum(stop, start + 1), size), stop)
-        parts = Parts(items.astype(np.int64), start, stop)
+        start, stop = np.empty(len(items), np.int64), np.empty(len(items), np.int64)
+        ends = self._ends(items, passes, pixels)
+        request_parts(items, passes, pixels, self._size, self.asked, self._passes, ends, start, stop)
+        parts = Parts(items, start, stop)
         return parts.rows(stop > start) if (stop <= start).any() else parts
 
-    def _passed(self, items: np.ndarray, start: np.ndarray, limited: np.ndarray) -> np.ndarray:
-        """(k,) int64, passes that were asked for before; of requests that are `limited` to some pixels, those that are done."""
-        passed = self._passes[items]
-        for row in np.flatnonzero(limited):
-            ends = [int(self._ends(items[row : row + 1], np.array([number]))[0]) for number in range(1, PASSES + 1)]
-            passed[row] = sum(end <= start[row] for end in ends)
-        return passed
-
-    def _ends(self, items: np.ndarray, passes: np.ndarray) -> np.ndarray:
-        """(k,) int64, pixels that the first `passes` (k,) of `items` have; nearly, where an item has several units."""
-        size = self._size[items]
-        if (passes >= PASSES).all():
-            return size
+    def _ends(self, items: np.ndarray, passes: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+        """(k, PASSES) int64, how many pixels the first passes of `items` (k,) have; nearly, where an item has several units. Only
+        the last one counts where all are asked for whole."""
+        if len(items) and passes.min() >= PASSES and pixels.min() == ALL_PIXELS:
+            return np.repeat(self._size[items][:, None], PASSES, axis=1)
         if len(self.unit_rays) == len(self._size):
             self._work.passes.find(items)
-            return self._work.passes.ends[items, passes - 1]
+            return self._work.passes.ends[items]
         shares = np.cumsum(self._work.candidates.pass_shares()[items], axis=1)
-        return np.ceil(shares[np.arange(len(items)), passes - 1] * size).astype(np.int64)
+        ends = np.ceil(shares * self._size[items][:, None]).astype(np.int64)
+        ends[:, -1] = self._size[items]
+        return ends
 
     def predicted(self, parts: Parts) -> np.ndarray:
         """(k,) float64, what the candidates say that tracing `parts` will take, in the budget's unit."""
@@ -169,20 +158,16 @@ class Ledger:
         )
 
     def _reasons(self) -> np.ndarray:
-        named = self.order >= 0
-        reason = np.select(
-            [
-                self._off,
-                ~named,
-                self.traced >= self._size,
-                (self.traced > 0) & (self.traced < self.asked),
-                self.traced > 0,
-                self.asked > 0,
-            ],
-            [EFFECT_OFF, NOT_ASKED, SELECTED, CUT, REDUCED, NO_TIME],
-            NO_FIT,
-        )
-        return reason.astype(np.uint8)
+        traced, asked = self.traced > 0, self.asked > 0
+        reason = np.full(len(self.traced), NO_FIT, np.uint8)
+        # What comes later counts more.
+        reason[asked] = NO_TIME
+        reason[traced] = REDUCED
+        reason[traced & (self.traced < self.asked)] = CUT
+        reason[self.traced >= self._size] = SELECTED
+        reason[self.order < 0] = NOT_ASKED
+        reason[self._off] = EFFECT_OFF
+        return reason
 
 
 def over_samples(decisions: Sequence[Decisions]) -> Decisions:

@@ -11,6 +11,7 @@ from phrt.costs import GroupCost
 from phrt.kernels.layers import gather_ranges
 from phrt.kernels.waves import gather_parts, share_out, unit_shares
 from phrt.ledger import Ledger, Parts
+from phrt.packing import sorted_places
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class UnitParts:
 
     def pixels(self, work: WorkItems) -> list[np.ndarray]:
         """The pixels (p,) int32 of every group, in tile order, also across units and passes."""
-        by_group = np.argsort(self.group, kind="stable")
+        by_group = sorted_places(self.group)
         ends = np.cumsum(np.bincount(self.group, minlength=len(self.group_effect))).tolist()
         starts = [0, *ends[:-1]]
         return [
@@ -88,7 +89,7 @@ def unit_parts(work: WorkItems, parts: Parts, large_rays: float) -> UnitParts:
         own = np.repeat(np.arange(len(parts)), count)
         within = np.arange(len(own)) - np.repeat(np.cumsum(count) - count, count)
         unit = by_item[first[own] + within]
-    order = np.argsort(unit, kind="stable")
+    order = sorted_places(unit)
     unit, own = unit[order], own[order]
     k = len(unit)
     kept, start, stop, group, group_effect = (np.empty(k, np.int64) for _ in range(5))

@@ -18,6 +18,7 @@ from phrt.faults import Faults
 from phrt.frame import MASK_TRACED, Decisions, Frame
 from phrt.interfaces.effect import RayEffect
 from phrt.interfaces.heuristic import BudgetUnit, FrameContext, Heuristic
+from phrt.kernels.booking import beginnings
 from phrt.kernels.layers import scatter
 from phrt.layers import LayerSet
 from phrt.ledger import NO_PARTS, Ledger, Parts
@@ -140,13 +141,13 @@ class BudgetScheduler(Scheduler):
             return NO_PARTS, pending
         if plan.left == math.inf:
             return asking.take(math.inf, math.inf), NO_PARTS
-        named = pending
-        planned = float(plan.costs(named, ledger).sum())
+        named, begin = [pending], plan.begin.copy()
+        planned = _planned(pending, ledger, begin)
         asking.begin_wave()
         while planned < plan.largest and asking.has_more:
-            named = Parts.joined([named, asking.take(plan.left - planned, plan.largest - planned)])
-            planned = float(plan.costs(named, ledger).sum())
-        return plan.cut(named, ledger)
+            named.append(asking.take(plan.left - planned, plan.largest - planned))
+            planned += _planned(named[-1], ledger, begin)
+        return plan.cut(Parts.joined(named), ledger)
 
     def _trace(
         self,
@@ -213,20 +214,9 @@ class _Plan:
     largest: float
     begin: np.ndarray
 
-    def costs(self, parts: Parts, ledger: Ledger) -> np.ndarray:
-        """(k,) float64 of `parts` in this order: the first one of an effect bears its beginning."""
-        return ledger.predicted(parts) + self._beginning(parts, ledger)
-
-    def _beginning(self, parts: Parts, ledger: Ledger) -> np.ndarray:
-        begins = np.zeros(len(parts))
-        if self.begin.any():
-            effects, firsts = np.unique(ledger.effect[parts.item], return_index=True)
-            begins[firsts] = self.begin[effects]
-        return begins
-
     def cut(self, parts: Parts, ledger: Ledger) -> tuple[Parts, Parts]:
         """The first parts that are predicted to take `largest` together, the last of them perhaps not whole, and the rest."""
-        begins = self._beginning(parts, ledger)
+        begins = _begins(parts, ledger, self.begin.copy())
         costs = ledger.predicted(parts) + begins
         ends = np.cumsum(costs)
         whole = int(np.searchsorted(ends, self.largest, side="right"))
@@ -241,6 +231,19 @@ class _Plan:
             first = Parts.joined([first, Parts(rest.item[:1], rest.start[:1], middle)])
             rest = Parts(rest.item, np.concatenate([middle, rest.start[1:]]), rest.stop)
         return first, rest
+
+
+def _planned(parts: Parts, ledger: Ledger, begin: np.ndarray) -> float:
+    """What `parts` are predicted to take in a wave whose effects still have `begin` (effects,) before them, less from now on."""
+    return float(ledger.predicted(parts).sum() + _begins(parts, ledger, begin).sum())
+
+
+def _begins(parts: Parts, ledger: Ledger, begin: np.ndarray) -> np.ndarray:
+    """(k,) float64: the first one of `parts` of each effect bears its beginning, which is taken out of `begin` (effects,)."""
+    begins = np.zeros(len(parts))
+    if begin.any():
+        beginnings(parts.item, ledger.effect, begin, begins)
+    return begins
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ def unit_shares(
 
     unit (k,): sorted numbers; pixels part_start (k,) to part_stop - 1 of an item with whole (k,) pixels stand for the same share
     of each of its units; parts that follow each other are one, and those that come to no pixel are left out.
-    Written are: kept (k,), the unit; start, stop (k,); predicted rays, ms (k,); group (k,). One with `large_rays` is a group by itself, the others of an effect are one group: group_effect,
-    group_pixels, group_rays, group_ms (k,).
+    Written are: kept (k,), the unit; start, stop (k,); predicted rays, ms (k,); group (k,). One with `large_rays` is a group by
+    itself, the others of an effect are one group: group_effect, group_pixels, group_rays, group_ms (k,).
     """
     count, groups = 0, 0
     small = np.full(effects, -1, np.int64)
