@@ -23,8 +23,9 @@ DEFAULT_MS_PER_BATCH = 0.1
 DEFAULT_MS_PER_WAVE = 0.1
 
 LARGE_BATCH_RAYS = 25_000.0
-"""A batch of so many rays is a large one. An item bears the share of a that it has in such a batch; what smaller batches lack is
-planned for with the wave (`BudgetScheduler`)."""
+"""A batch of so many rays is a large one. An item bears the share of a that it has in such a batch, or in the batches that there are
+where these are larger; what smaller ones lack is planned for with the wave (`BudgetScheduler`). If items bore it, they would seem
+dear where batches are small, less of them would be traced, and batches would stay small."""
 
 FORGET = 0.99
 """Weight of a fit's past at every new wave: the last hundred waves, some twenty frames, are what counts."""
@@ -63,8 +64,15 @@ class LinearFit:
         """Begin anew, with coefficients of an earlier run."""
         self.per_batch, self.per_ray = per_batch, per_ray
         self._start = per_batch, per_ray
-        # Sums over the measurements: weight, weight * rays, weight * rays^2; weight * ms, weight * rays * ms.
+        # Sums over the measurements: weight, weight * rays, weight * rays^2; weight * ms, weight * rays * ms. As the weight is
+        # 1 / rays, the second is how many batches there were, and the third their rays.
         self._sums = np.zeros(5)
+
+    @property
+    def per_ray_of_item(self) -> float:
+        """b, and the share of a that a ray of an item bears."""
+        batches, rays = self._sums[1], self._sums[2]
+        return self.per_ray + self.per_batch / max(rays / max(batches, 1e-9), LARGE_BATCH_RAYS)
 
     def learn(self, rays: float, milliseconds: float) -> None:
         """A batch of `rays` took `milliseconds`."""
@@ -119,7 +127,7 @@ class CostModels:
         """(m,) float64 of units with predicted `rays` (m,) of their effect (m,) int: their share of a large batch."""
         if not self._fits:
             return np.zeros(len(effect))
-        per_ray = np.array([fit.per_ray + fit.per_batch / LARGE_BATCH_RAYS for fit in self._fits])
+        per_ray = np.array([fit.per_ray_of_item for fit in self._fits])
         return np.asarray(per_ray[effect] * rays)
 
     def batch_ms(self) -> np.ndarray:

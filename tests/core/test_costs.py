@@ -65,6 +65,15 @@ def test_batches_of_one_size_do_not_make_the_first_ray_dear() -> None:
     assert fit.per_batch < 0.5
 
 
+def test_items_bear_their_share_of_the_batches_there_are_but_not_that_of_small_ones() -> None:
+    for batches, per_batch in ([4000.0, 2000.0], LARGE_BATCH_RAYS), ([90_000.0, 10_000.0], 50_000.0):
+        models = CostModels(["shadows"])
+        for rays in batches * 200:
+            models.learn([GroupCost(0, rays, 1, 2.0 + 1e-4 * rays)])
+        predicted = models.measured_ms(np.zeros(1, int), np.array([1000.0]))
+        np.testing.assert_allclose(predicted, 0.1 + 2.0 * 1000 / per_batch, rtol=0.03)
+
+
 def test_what_was_interrupted_counts_as_if_it_took_a_few_times_what_was_expected() -> None:
     fit, models = LinearFit(0.1, 1e-4), CostModels(["shadows"])
     fit.learn(1000, 5000.0)
