@@ -23,9 +23,9 @@ DEFAULT_MS_PER_BATCH = 0.1
 DEFAULT_MS_PER_WAVE = 0.1
 
 LARGE_BATCH_RAYS = 25_000.0
-"""A batch of so many rays is a large one. An item bears the share of a that it has in such a batch, or in the batches that there are
-where these are larger; what smaller ones lack is planned for with the wave (`BudgetScheduler`). If items bore it, they would seem
-dear where batches are small, less of them would be traced, and batches would stay small."""
+"""A batch of so many rays is a large one. An item bears the share of a that it has in such a batch, or in the batches that there
+are where these are larger; what smaller ones lack is planned for with the wave (`BudgetScheduler`). If items bore it, they would
+seem dear where batches are small, less of them would be traced, and batches would stay small."""
 
 FORGET = 0.99
 """Weight of a fit's past at every new wave: the last hundred waves, some twenty frames, are what counts."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -70,21 +71,25 @@ class Ledger:
             return None
         start, stop = np.empty(len(items), np.int64), np.empty(len(items), np.int64)
         ends = self._ends(items, passes, pixels)
-        request_parts(items, passes, pixels, self._size, self.asked, self._passes, ends, start, stop)
+        request_parts(items, passes, pixels, self._size, self.asked, self._passes, PASSES, ends, start, stop)
         parts = Parts(items, start, stop)
         return parts.rows(stop > start) if (stop <= start).any() else parts
 
     def _ends(self, items: np.ndarray, passes: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-        """(k, PASSES) int64, how many pixels the first passes of `items` (k,) have; nearly, where an item has several units. Only
-        the last one counts where all are asked for whole."""
+        """(n, PASSES) int64, how many pixels the first passes of items have; nearly, where an item has several units. Right for
+        `items` (k,); (n, 1), their size, where all are asked for whole."""
         if len(items) and passes.min() >= PASSES and pixels.min() == ALL_PIXELS:
-            return np.repeat(self._size[items][:, None], PASSES, axis=1)
+            return self._size[:, None]
         if len(self.unit_rays) == len(self._size):
             self._work.passes.find(items)
-            return self._work.passes.ends[items]
-        shares = np.cumsum(self._work.candidates.pass_shares()[items], axis=1)
-        ends = np.ceil(shares * self._size[items][:, None]).astype(np.int64)
-        ends[:, -1] = self._size[items]
+            return self._work.passes.ends
+        return self._ends_by_share
+
+    @cached_property
+    def _ends_by_share(self) -> np.ndarray:
+        shares = np.cumsum(self._work.candidates.pass_shares(), axis=1)
+        ends = np.ceil(shares * self._size[:, None]).astype(np.int64)
+        ends[:, -1] = self._size
         return ends
 
     def predicted(self, parts: Parts) -> np.ndarray:

@@ -12,13 +12,13 @@ from phrt_heuristics.order import ordered
 class Queue:
     """Mandatory items, then the others (unless `mandatory_only`); within both by `order_by`, see `ordered`.
 
-    An item that does not fit when its turn has
-    come is passed over for the frame, so that all calls of a frame together look at every item once.
+    An item that does not fit when its turn has come is passed over for the frame, so that all calls of a frame together look
+    at every item once.
     """
 
     def __init__(self, candidates: Candidates, *order_by: np.ndarray, mandatory_only: bool = False) -> None:
-        order = ordered(candidates, *order_by)
-        self._items = order[: np.count_nonzero(candidates.mandatory)] if mandatory_only else order
+        first = int(np.count_nonzero(candidates.mandatory)) if mandatory_only else len(candidates)
+        self._items = ordered(candidates, *order_by)[:first] if first else np.zeros(0, np.int32)
         self._costs = candidates.predicted_cost[self._items].astype(np.float64)
         self._place = np.zeros(1, np.int64)
 

@@ -33,14 +33,13 @@ def are_requests(items, passes, pixels, asked_passes, total_passes):
 
 
 @kernel
-def request_parts(items, passes, pixels, size, asked, asked_passes, ends, start, stop):
+def request_parts(items, passes, pixels, size, asked, asked_passes, total_passes, ends, start, stop):
     """Pixels start (k,) to stop - 1 that requests for `items` (k,), none of them twice, stand for.
 
     passes, pixels (k,): at most so many; the largest int64 is no limit. size, asked (n,): pixels of items, and how many were
-    asked for; asked_passes (n,) moves on where a request for some pixels finds none left. ends (k, PASSES): how many pixels the
-    first passes of each have.
+    asked for; asked_passes (n,) moves on where a request for some pixels finds none left. ends (n, total_passes): how many pixels
+    the first passes of each have; (n, 1), their size, will do where all are asked for whole.
     """
-    total = ends.shape[1]
     for i in range(len(items)):
         item = items[i]
         begin, whole = asked[item], np.int64(size[item])
@@ -51,9 +50,9 @@ def request_parts(items, passes, pixels, size, asked, asked_passes, ends, start,
                 # Requests for some pixels leave no trace, unless there are none left: or they could be made forever.
                 asked_passes[item] += 1
             done = 0
-            while done < total and ends[i, done] <= begin:
+            while done < total_passes and ends[item, done] <= begin:
                 done += 1
-        last = max(ends[i, min(done + passes[i], total) - 1], begin)
+        last = max(ends[item, min(done + passes[i], ends.shape[1]) - 1], begin)
         end = min(last, begin + min(pixels[i], whole))
         if limited:
             end = min(max(end, begin + 1), whole)
