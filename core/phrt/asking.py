@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import operator
 from collections import Counter
 from collections.abc import Callable, Iterable
@@ -15,6 +14,7 @@ from phrt import watchdog
 from phrt.errors import PluginError
 from phrt.faults import Faults
 from phrt.interfaces.heuristic import PASSES, Candidates, FrameContext, Heuristic, Request
+from phrt.kernels.booking import first_repeated
 from phrt.ledger import ALL_PIXELS, NO_PARTS, Ledger, Parts
 from phrt.watchdog import Guard, NeverReturned
 
@@ -35,13 +35,13 @@ class Asking:
         self._done = faults.heuristic_is_off
         self._guard = Guard()
         self._listens = type(heuristic).report is not Heuristic.report
-        self._price: list[float] = []
+        self._price = np.zeros(0)
         self._held: tuple[int, int, int] | None = None
         self._said_no_more = False
 
     def begin(self, candidates: Candidates) -> None:
         """A new frame."""
-        self._price = (candidates.predicted_cost.astype(np.float64) / PASSES).tolist()
+        self._price = candidates.predicted_cost.astype(np.float64) / PASSES
         self._call("begin_frame", lambda: self._heuristic.begin_frame(candidates, self._context))
 
     @property
@@ -114,7 +114,9 @@ class Asking:
                 break
             rows.append(request)
             named.add(item)
-            planned += self._price[item] * min(max(passes, 1), PASSES) if 0 <= item < len(self._price) else math.inf
+            if not 0 <= item < len(self._price):
+                break
+            planned += float(self._price[item]) * min(max(passes, 1), PASSES)
         table = np.array(rows, np.int64).reshape(-1, 3)
         return table[:, 0], table[:, 1], table[:, 2]
 
@@ -138,9 +140,8 @@ class Asking:
             return None
         items = (answer if answer.ndim == 1 else answer[:, 0]).astype(np.int64)
         passes = np.full(len(items), PASSES) if answer.ndim == 1 else answer[:, 1].astype(np.int64)
-        unique, first = np.unique(items, return_index=True)
-        if len(unique) < len(items):
-            self._nonsense(int(np.delete(items, first)[0]))
+        if (repeated := first_repeated(items, len(self._price))) >= 0:
+            self._nonsense(repeated)
             return None
         return items, passes, np.full(len(items), ALL_PIXELS)
 
@@ -168,7 +169,9 @@ class Asking:
 
     def _count_passes(self, items: np.ndarray, passes: np.ndarray, pixels: np.ndarray, refused: np.ndarray) -> None:
         """These passes are taken; not those that were refused, nor of requests for some pixels only."""
-        taken = (pixels == ALL_PIXELS) & ~np.isin(items, refused)
+        taken = pixels == ALL_PIXELS
+        if len(refused):
+            taken &= ~np.isin(items, refused)
         self._ledger.count(items[taken], passes[taken])
 
     def _nonsense(self, item: int) -> None:

@@ -15,8 +15,9 @@ from phrt.frame import MASK_HISTORY, Frame
 from phrt.interfaces.effect import RayEffect
 from phrt.interfaces.heuristic import PASSES, BudgetUnit, Candidates
 from phrt.kernels.history import history_of_units
-from phrt.kernels.layers import count_by_object, order_units, pass_numbers, place_by_object, select_pixels
+from phrt.kernels.layers import count_by_object, pass_numbers, place_by_object, select_pixels
 from phrt.kernels.primary import tile_order
+from phrt.kernels.waves import pass_kinds
 from phrt.relevance import ObjectSight, item_cost, item_relevance
 from phrt.world import World
 
@@ -53,7 +54,7 @@ class EffectScope:
 
 @dataclass(frozen=True)
 class Units:
-    """An object with one effect each: what is traced and measured. m units; rows of one effect are in order of `first`.
+    """An object with one effect each: what is traced and measured. m units, effect by effect, those of one in order of `first`.
 
     item (m,) int32: the work item it belongs to; object_id, effect (m,) int32; first (m,) int64, count (m,) int32: its
     pixels are pixels[effect][first:first + count], in tile order. rays, ms (m,) float64: predicted. held (m,) int32: at how many of
@@ -98,34 +99,41 @@ class Passes:
     """The passes of units, found unit by unit when they are first asked for, and then kept: what is traced of a unit later
     changes the masks that its order depends on.
 
-    pixels: as those of the work items, every unit's own in the order of `order_units`; ends (m, PASSES) int64: how many of
-    them its first passes have together. Both hold only for units that `find` was called with.
+    kinds: (p,) uint8 for every effect, in which pass every pixel is, and sizes (m, 8) int32, see `pass_kinds`; ends (m, PASSES)
+    int64: how many pixels a unit's first passes have together: with values of an earlier frame the first pass is all that have
+    none, and the others are a third each of those that do. All hold only for units that `find` was called with.
     """
 
     def __init__(self, work: WorkItems) -> None:
         self._work = work
         self._found = np.zeros(len(work.units), bool)
-        self.pixels = [np.empty_like(pixels) for pixels in work.pixels]
+        self.kinds = [np.empty(len(pixels), np.uint8) for pixels in work.pixels]
+        self.sizes = np.zeros((len(work.units), 8), np.int32)
         self.ends = np.zeros((len(work.units), PASSES), np.int64)
 
     def find(self, units: np.ndarray) -> None:
         """Find the passes of `units` (k,)."""
-        new = np.unique(units[~self._found[units]])
+        new = units[~self._found[units]]
         if not len(new):
             return
+        new = np.unique(new)
         self._found[new] = True
         work, of_effect = self._work, self._work.units.effect[new]
-        for effect in np.unique(of_effect).tolist():
-            rows, pixels = new[of_effect == effect], work.pixels[effect]
-            own = np.zeros((len(rows), PASSES), np.int64)
+        held = work.units.held[new] if work.masks else np.zeros(len(new), np.int32)
+        sizes = np.empty((len(new), 8), np.int32)
+        for effect in np.flatnonzero(np.bincount(of_effect)).tolist():
+            mine = slice(*np.searchsorted(of_effect, [effect, effect + 1]))
+            rows, pixels = new[mine], work.pixels[effect]
             # Rows rounded up, so that few tables serve all frames.
             numbers = _pass_numbers(work.width, (int(pixels.max(initial=0)) // work.width | 255) + 1)
-            held = work.units.held[rows] if work.masks else np.zeros(len(rows), np.int32)
-            order_units(
-                pixels, work.units.first[rows], work.units.count[rows], held, numbers,
-                work.masks[effect] if work.masks else _NO_MASK, MASK_HISTORY, self.pixels[effect], own,
+            pass_kinds(
+                pixels, work.units.first[rows], work.units.count[rows], held[mine], numbers,
+                work.masks[effect] if work.masks else _NO_MASK, MASK_HISTORY, self.kinds[effect], sizes[mine],
             )  # fmt: skip
-            self.ends[rows] = own
+        self.sizes[new] = sizes
+        ends = np.cumsum(sizes[:, :PASSES], axis=1)
+        others = (held[:, None] * np.arange(PASSES) + 2) // (PASSES - 1)
+        self.ends[new] = np.where(held[:, None] > 0, ends[:, -1:] + others, ends)
 
 
 _NO_MASK = np.zeros(0, np.uint8)

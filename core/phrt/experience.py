@@ -6,6 +6,7 @@ import numpy as np
 
 from phrt.exploration import Exploration
 from phrt.frame import Decisions
+from phrt.kernels.booking import mean_rays
 
 MEMORY_FRAMES = 8
 """Measurements that the mean of rays per pixel is made of, nearly: a new one counts at least 1 / MEMORY_FRAMES."""
@@ -45,10 +46,7 @@ class Experience:
 
         object_id, effect (k,): what was traced, each pair once; pixels (k,), at least 1, and rays (k,): how much.
         """
-        where = object_id, effect
-        self.measurements[where] += 1
-        weight = 1.0 / np.minimum(self.measurements[where], MEMORY_FRAMES)
-        self.rays_per_pixel[where] += weight * (rays / pixels - self.rays_per_pixel[where])
+        mean_rays(object_id, effect, pixels, rays, MEMORY_FRAMES, self.measurements, self.rays_per_pixel)
 
     def note_selected(self, frame: list[Decisions]) -> None:
         """A frame is finished: `frame` are the decisions of its sub-pixel samples."""

@@ -7,9 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from phrt.interfaces.heuristic import NEVER_TRACED
+from phrt.kernels.booking import forget_and_add
 
 KEPT = 0.875
 """Share of a measurement that is left of it one frame later: after about eight frames it counts a third."""
+LEAST_KEPT = 1e-6
+"""At least so much, so that long pauses do not end in numbers that are too small to divide by."""
 
 
 @dataclass(frozen=True)
@@ -39,13 +42,7 @@ class _ForgettingMean:
 
     def add(self, where: tuple[np.ndarray, np.ndarray], frame: int, total: np.ndarray, weight: np.ndarray) -> None:
         """Take sums of a frame in; where nothing was measured (weight 0) nothing is forgotten."""
-        measured = weight > 0
-        where = where[0][measured], where[1][measured]
-        # At least a little is kept, so that long pauses do not end in numbers that are too small to divide by.
-        kept = np.maximum(KEPT ** (frame - self._frame[where]), 1e-6)
-        self._sum[where] = self._sum[where] * kept + total[measured]
-        self._weight[where] = self._weight[where] * kept + weight[measured]
-        self._frame[where] = frame
+        forget_and_add(*where, frame, KEPT, LEAST_KEPT, total, weight, self._sum, self._weight, self._frame)
 
     def mean(self, where: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
         """(k,) float64, NaN where nothing was ever measured."""

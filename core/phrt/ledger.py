@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from phrt.candidates import WorkItems
 from phrt.experience import Experience
 from phrt.frame import CUT, EFFECT_OFF, NO_FIT, NO_TIME, NOT_ASKED, REDUCED, SELECTED, Decisions
 from phrt.interfaces.heuristic import PASSES, BudgetUnit, Outcome
+from phrt.kernels.booking import are_requests, request_parts
 
 ALL_PIXELS = np.iinfo(np.int64).max
 """What stands for no limit in requests."""
@@ -43,7 +45,7 @@ NO_PARTS = Parts(*(np.zeros(0, np.int64) for _ in range(3)))
 class Ledger:
     """What has been asked for and traced of every item in this frame. n items, m units.
 
-    asked, traced (n,) int64 pixels; order (n,) int32, as in `Decisions`; unit_pixels, unit_rays, unit_ms (m,)
+    effect (n,) int32; asked, traced (n,) int64 pixels; order (n,) int32, as in `Decisions`; unit_pixels, unit_rays, unit_ms (m,)
     float64: what tracing the units took.
     """
 
@@ -52,6 +54,7 @@ class Ledger:
         self._work = work
         self._size = work.candidates.pixel_count.astype(np.int64)
         self._price = work.candidates.predicted_cost / np.maximum(self._size, 1)
+        self.effect = work.candidates.effect
         self._named = 0
         self._off = np.zeros(count, bool)
         self._passes = np.zeros(count, np.int64)
@@ -64,38 +67,30 @@ class Ledger:
         """What requests for `items` (k,) stand for, none of them twice; None where there is no such item, or it was asked for
         whole before. passes, pixels (k,) int64: at most so many. Later passes of an item of few pixels may hold none: such
         parts are left out."""
-        inside = (items >= 0) & (items < len(self._size)) & (passes >= 1) & (pixels >= 1)
-        if not inside.all():
+        if not are_requests(items, passes, pixels, self._passes, PASSES):
             return None
-        start, size, limited = self.asked[items], self._size[items], pixels != ALL_PIXELS
-        if (self._passes[items] >= PASSES).any():
-            return None
-        # Requests for some pixels leave no trace, unless there are none left: or they could be made forever.
-        self._passes[items[limited & (start >= size)]] += 1
-        last = np.minimum(self._passed(items, start, limited) + passes, PASSES)
-        stop = np.minimum(np.maximum(self._ends(items, last), start), start + np.minimum(pixels, size))
-        stop = np.where(limited, np.minimum(np.maximum(stop, start + 1), size), stop)
-        parts = Parts(items.astype(np.int64), start, stop)
+        start, stop = np.empty(len(items), np.int64), np.empty(len(items), np.int64)
+        ends = self._ends(items, passes, pixels)
+        request_parts(items, passes, pixels, self._size, self.asked, self._passes, PASSES, ends, start, stop)
+        parts = Parts(items, start, stop)
         return parts.rows(stop > start) if (stop <= start).any() else parts
 
-    def _passed(self, items: np.ndarray, start: np.ndarray, limited: np.ndarray) -> np.ndarray:
-        """(k,) int64, passes that were asked for before; of requests that are `limited` to some pixels, those that are done."""
-        passed = self._passes[items]
-        for row in np.flatnonzero(limited):
-            ends = [int(self._ends(items[row : row + 1], np.array([number]))[0]) for number in range(1, PASSES + 1)]
-            passed[row] = sum(end <= start[row] for end in ends)
-        return passed
-
-    def _ends(self, items: np.ndarray, passes: np.ndarray) -> np.ndarray:
-        """(k,) int64, pixels that the first `passes` (k,) of `items` have; nearly, where an item has several units."""
-        size = self._size[items]
-        if (passes >= PASSES).all():
-            return size
+    def _ends(self, items: np.ndarray, passes: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+        """(n, PASSES) int64, how many pixels the first passes of items have; nearly, where an item has several units. Right for
+        `items` (k,); (n, 1), their size, where all are asked for whole."""
+        if len(items) and passes.min() >= PASSES and pixels.min() == ALL_PIXELS:
+            return self._size[:, None]
         if len(self.unit_rays) == len(self._size):
             self._work.passes.find(items)
-            return self._work.passes.ends[items, passes - 1]
-        shares = np.cumsum(self._work.candidates.pass_shares()[items], axis=1)
-        return np.ceil(shares[np.arange(len(items)), passes - 1] * size).astype(np.int64)
+            return self._work.passes.ends
+        return self._ends_by_share
+
+    @cached_property
+    def _ends_by_share(self) -> np.ndarray:
+        shares = np.cumsum(self._work.candidates.pass_shares(), axis=1)
+        ends = np.ceil(shares * self._size[:, None]).astype(np.int64)
+        ends[:, -1] = self._size
+        return ends
 
     def predicted(self, parts: Parts) -> np.ndarray:
         """(k,) float64, what the candidates say that tracing `parts` will take, in the budget's unit."""
@@ -168,20 +163,16 @@ class Ledger:
         )
 
     def _reasons(self) -> np.ndarray:
-        named = self.order >= 0
-        reason = np.select(
-            [
-                self._off,
-                ~named,
-                self.traced >= self._size,
-                (self.traced > 0) & (self.traced < self.asked),
-                self.traced > 0,
-                self.asked > 0,
-            ],
-            [EFFECT_OFF, NOT_ASKED, SELECTED, CUT, REDUCED, NO_TIME],
-            NO_FIT,
-        )
-        return reason.astype(np.uint8)
+        traced, asked = self.traced > 0, self.asked > 0
+        reason = np.full(len(self.traced), NO_FIT, np.uint8)
+        # What comes later counts more.
+        reason[asked] = NO_TIME
+        reason[traced] = REDUCED
+        reason[traced & (self.traced < self.asked)] = CUT
+        reason[self.traced >= self._size] = SELECTED
+        reason[self.order < 0] = NOT_ASKED
+        reason[self._off] = EFFECT_OFF
+        return reason
 
 
 def over_samples(decisions: Sequence[Decisions]) -> Decisions:

@@ -9,60 +9,75 @@ import numpy as np
 from phrt.candidates import WorkItems
 from phrt.costs import GroupCost
 from phrt.kernels.layers import gather_ranges
+from phrt.kernels.waves import gather_parts, share_out, unit_shares
 from phrt.ledger import Ledger, Parts
+from phrt.packing import sorted_places
 
 
 @dataclass(frozen=True)
 class UnitParts:
-    """Parts of units. k parts; unit, effect, start, stop (k,): pixels start to stop - 1 of the unit in the order of its
-    passes; whole (k,) bool; rays, ms (k,) float64 predicted; count (k,) pixels."""
+    """Parts of units, and the groups they are counted in: a large part alone, the small ones of an effect together.
+
+    k parts, sorted by unit: unit, start, stop (k,): pixels start to stop - 1 of the unit in the order of its passes; rays, ms (k,)
+    float64 predicted; group (k,). g groups: group_effect (g,); group_pixels, group_rays, group_ms (g,) float64, sums of their
+    parts'.
+    """
 
     unit: np.ndarray
-    effect: np.ndarray
     start: np.ndarray
     stop: np.ndarray
-    whole: np.ndarray
     rays: np.ndarray
     ms: np.ndarray
+    group: np.ndarray
+    group_effect: np.ndarray
+    group_pixels: np.ndarray
+    group_rays: np.ndarray
+    group_ms: np.ndarray
 
-    @property
-    def count(self) -> np.ndarray:
-        return self.stop - self.start
+    def pixels(self, work: WorkItems) -> list[np.ndarray]:
+        """The pixels (p,) int32 of every group, in tile order, also across units and passes."""
+        by_group = sorted_places(self.group)
+        ends = np.cumsum(np.bincount(self.group, minlength=len(self.group_effect))).tolist()
+        starts = [0, *ends[:-1]]
+        return [
+            self._of_group(work, effect, by_group[start:end])
+            for effect, start, end in zip(self.group_effect.tolist(), starts, ends, strict=True)
+        ]
 
-    def pixels(self, work: WorkItems, rows: np.ndarray) -> np.ndarray:
-        """(p,) int32, the pixels of parts `rows` of one effect. Whole units stay in tile order, also across units."""
-        effect = int(self.effect[rows[0]])
-        rows = rows[np.argsort(work.units.first[self.unit[rows]], kind="stable")]
-        whole, part = rows[self.whole[rows]], rows[~self.whole[rows]]
-        pieces = [_gathered(work.pixels[effect], *self._ranges(work, whole))]
-        if len(part):
-            work.passes.find(self.unit[part])
-            pieces.append(_gathered(work.passes.pixels[effect], *self._ranges(work, part)))
-        return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+    def _of_group(self, work: WorkItems, effect: int, rows: np.ndarray) -> np.ndarray:
+        unit, start, stop = self.unit[rows], self.start[rows], self.stop[rows]
+        first, count = work.units.first[unit], work.units.count[unit]
+        part = stop - start < count
+        if not part.any():
+            return _gathered(work.pixels[effect], first, first + count)
+        passes = work.passes
+        passes.find(unit[part])
+        out = np.empty(int((stop - start).sum()), np.int32)
+        gather_parts(
+            work.pixels[effect], passes.kinds[effect], first, count, passes.sizes[unit], start, stop, out
+        )  # fmt: skip
+        return out
 
-    def _ranges(self, work: WorkItems, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        first = work.units.first[self.unit[rows]]
-        return first + self.start[rows], first + self.stop[rows]
-
-    def book(
-        self, ledger: Ledger, work: WorkItems, rows: np.ndarray, effect: int, rays: int, milliseconds: float
-    ) -> GroupCost:
-        """Book what tracing parts `rows` of `effect` together took: rays and time are shared out as predicted."""
-        units, counts = self.unit[rows], self.count[rows].astype(np.float64)
-        by_rays, by_ms = self.rays[rows] / self.rays[rows].sum(), self.ms[rows] / max(self.ms[rows].sum(), 1e-12)
-        # A wave may hold several parts of a unit.
-        np.add.at(ledger.unit_pixels, units, counts)
-        np.add.at(ledger.unit_rays, units, rays * by_rays)
-        np.add.at(ledger.unit_ms, units, milliseconds * by_ms)
-        items = work.units.item[units]
-        share = self.rays[rows] / np.maximum(work.candidates.predicted_rays[items], 1.0)
-        cost_units = float((work.candidates.cost[items] * share).sum())
-        shares = counts / work.units.count[units]
-        return GroupCost(effect, float(shares.sum()), float(rays), cost_units, milliseconds)
+    def book(self, ledger: Ledger, work: WorkItems, rays: np.ndarray, milliseconds: np.ndarray) -> list[GroupCost]:
+        """Book what tracing the groups took, (g,) each; shared out as predicted. What it teaches, effect by effect."""
+        share_out(
+            self.unit, self.group, self.start, self.stop, self.rays, self.ms, self.group_rays, self.group_ms,
+            rays.astype(np.float64), milliseconds, ledger.unit_pixels, ledger.unit_rays, ledger.unit_ms,
+        )  # fmt: skip
+        items, candidates = work.units.item[self.unit], work.candidates
+        share = self.rays / np.maximum(candidates.predicted_rays[items], 1.0)
+        effects = int(self.group_effect.max(initial=-1)) + 1
+        units = np.bincount(self.group_effect[self.group], weights=candidates.cost[items] * share, minlength=effects)
+        took = [np.bincount(self.group_effect, weights=values, minlength=effects) for values in (rays, milliseconds)]
+        return [
+            GroupCost(effect, float(took[0][effect]), float(units[effect]), float(took[1][effect]))
+            for effect in np.flatnonzero(np.bincount(self.group_effect)).tolist()
+        ]
 
 
-def unit_parts(work: WorkItems, parts: Parts) -> UnitParts:
-    """The parts of units that `parts` of items stand for: a share of an item is the same share of all its units."""
+def unit_parts(work: WorkItems, parts: Parts, large_rays: float) -> UnitParts:
+    """The parts of units that `parts` of items stand for: a share of an item is the same share of all its units. A part of
+    `large_rays` predicted rays is a group by itself."""
     units = work.units
     if len(units) == len(work.candidates):
         unit, own = parts.item, np.arange(len(parts))
@@ -74,14 +89,18 @@ def unit_parts(work: WorkItems, parts: Parts) -> UnitParts:
         own = np.repeat(np.arange(len(parts)), count)
         within = np.arange(len(own)) - np.repeat(np.cumsum(count) - count, count)
         unit = by_item[first[own] + within]
-    size, whole_item = units.count[unit].astype(np.int64), work.candidates.pixel_count[parts.item[own]].astype(np.int64)
-    start, stop = parts.start[own] * size // whole_item, parts.stop[own] * size // whole_item
-    kept = stop > start
-    unit, start, stop, size = unit[kept], start[kept], stop[kept], size[kept]
-    share = (stop - start) / size
-    return UnitParts(
-        unit, units.effect[unit], start, stop, stop - start == size, units.rays[unit] * share, units.ms[unit] * share
-    )
+    order = sorted_places(unit)
+    unit, own = unit[order], own[order]
+    k = len(unit)
+    kept, start, stop, group, group_effect = (np.empty(k, np.int64) for _ in range(5))
+    rays, ms, group_pixels, group_rays, group_ms = (np.empty(k) for _ in range(5))
+    count, groups = unit_shares(
+        unit, work.candidates.pixel_count[parts.item[own]], parts.start[own], parts.stop[own],
+        units.effect, units.count, units.rays, units.ms, large_rays, len(work.pixels),
+        kept, start, stop, rays, ms, group, group_effect, group_pixels, group_rays, group_ms,
+    )  # fmt: skip
+    of_parts = (values[:count] for values in (kept, start, stop, rays, ms, group))
+    return UnitParts(*of_parts, *(values[:groups] for values in (group_effect, group_pixels, group_rays, group_ms)))
 
 
 def _gathered(source: np.ndarray, start: np.ndarray, stop: np.ndarray) -> np.ndarray:

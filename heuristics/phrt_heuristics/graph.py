@@ -6,6 +6,7 @@ import numpy as np
 
 from phrt.interfaces.heuristic import Candidates
 from phrt_heuristics.kernels import link_nodes, select_nodes
+from phrt_heuristics.order import ordered
 
 
 class Graph:
@@ -16,14 +17,17 @@ class Graph:
     """
 
     def __init__(self, candidates: Candidates, kept_pointers: int | None) -> None:
-        free = np.flatnonzero(~candidates.mandatory)
-        falling = (candidates.keys(), -candidates.relevance, -candidates.predicted_cost)
-        order = free[np.lexsort([values[free] for values in falling])]
+        mandatory = np.count_nonzero(candidates.mandatory)
+        order = ordered(candidates, -candidates.relevance, -candidates.predicted_cost)[mandatory:]
         relevance = candidates.relevance[order]
-        self._items = order.astype(np.int32)
+        self._items = order
         self._cost = candidates.predicted_cost[order].astype(np.float64)
         self._traced = np.zeros(len(order), np.uint8)
-        self._by_relevance = np.argsort(-relevance, kind="stable").astype(np.int32)
+        place = np.empty(len(candidates), np.int32)
+        place[order] = np.arange(len(order), dtype=np.int32)
+        # Of equals the dearer one, as in the order of the nodes.
+        by_relevance = ordered(candidates, -candidates.predicted_cost, -candidates.relevance)[mandatory:]
+        self._by_relevance = place[by_relevance]
         pointers = 0 if kept_pointers is None else min(kept_pointers, max(len(order), 1))
         self._pointers = np.full((len(order), pointers), -1, np.int32)
         if pointers:

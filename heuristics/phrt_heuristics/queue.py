@@ -6,22 +6,20 @@ import numpy as np
 
 from phrt.interfaces.heuristic import Candidates
 from phrt_heuristics.kernels import take_fitting
+from phrt_heuristics.order import ordered
 
 
 class Queue:
-    """Mandatory items, then the others (unless `mandatory_only`); within both by `order_by`, the last array counting most as
-    in `np.lexsort`.
+    """Mandatory items, then the others (unless `mandatory_only`); within both by `order_by`, see `ordered`.
 
-    order_by: arrays (n,), smallest first; ties are broken by `Candidates.keys`. An item that does not fit when its turn has
-    come is passed over for the frame, so that all calls of a frame together look at every item once.
+    An item that does not fit when its turn has come is passed over for the frame, so that all calls of a frame together look
+    at every item once.
     """
 
     def __init__(self, candidates: Candidates, *order_by: np.ndarray, mandatory_only: bool = False) -> None:
-        kept = np.flatnonzero(candidates.mandatory) if mandatory_only else np.arange(len(candidates))
-        by = (candidates.keys(), *order_by, ~candidates.mandatory)
-        order = kept[np.lexsort([values[kept] for values in by])]
-        self._items = order.astype(np.int32)
-        self._costs = candidates.predicted_cost[order].astype(np.float64)
+        first = int(np.count_nonzero(candidates.mandatory)) if mandatory_only else len(candidates)
+        self._items = ordered(candidates, *order_by)[:first] if first else np.zeros(0, np.int32)
+        self._costs = candidates.predicted_cost[self._items].astype(np.float64)
         self._place = np.zeros(1, np.int64)
 
     def next(self, remaining: float) -> int | None:

@@ -19,6 +19,7 @@ import numpy as np
 from phrt.interfaces.heuristic import PASSES, Candidates, FrameContext, Heuristic, Request
 from phrt.registry import Options
 from phrt_heuristics.kernels import take_passing
+from phrt_heuristics.order import ordered
 from phrt_heuristics.queue import Queue
 
 
@@ -34,8 +35,8 @@ class Uniform(Heuristic):
 
     def begin_frame(self, candidates: Candidates, context: FrameContext) -> None:
         self._mandatory = Queue(candidates, -candidates.relevance, mandatory_only=True)
-        others = np.flatnonzero(~candidates.mandatory)
-        self._line = others[np.lexsort((candidates.keys()[others], -candidates.relevance[others]))]
+        mandatory = np.count_nonzero(candidates.mandatory)
+        self._line = ordered(candidates, -candidates.relevance)[mandatory:].astype(np.int64)
         # In the line, the place it is at, and how many of those so far keep their place in the next pass.
         self._state = np.array([len(self._line), 0, 0])
         self._passes = 0
@@ -56,7 +57,9 @@ class Uniform(Heuristic):
                 self._pass_cost, self._passes, self._line, self._state, remaining, max(enough, 1e-300), taken
             )
             if count:
-                return np.stack([taken[:count], np.ones(count, np.int64)], axis=1)
+                answer = np.ones((count, 2), np.int64)
+                answer[:, 0] = taken[:count]
+                return answer
             # The next pass is of those that had this one.
             self._state[:] = self._state[2], 0, 0
             self._passes += 1

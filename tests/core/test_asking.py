@@ -16,7 +16,8 @@ from phrt.errors import PhrtWarning, PluginError
 from phrt.faults import Faults
 from phrt.frame import MASK_HISTORY
 from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic, Request
-from phrt.ledger import Ledger
+from phrt.ledger import Ledger, Parts
+from phrt.runs import unit_parts
 
 SIZES = [40, 40, 8, 96]
 
@@ -158,4 +159,5 @@ def test_what_is_missing_is_the_first_pass_and_what_is_held_the_others() -> None
     made = Asking(Says(*[Request(0, 1)] * 4), Faults(strict=True), ledger, context(1e6))
     made.begin(work)
     assert [made.take(1e6, 1.0).stop.tolist() for _ in range(4)] == [[40], [60], [80], [100]]
-    assert sorted(items.passes.pixels[0][:40].tolist()) == list(range(60, 100))
+    missing = unit_parts(items, Parts(np.array([0]), np.array([0]), np.array([40])), 1e6).pixels(items)[0]
+    assert missing.tolist() == list(range(60, 100))

@@ -20,8 +20,9 @@ from phrt.frame import MASK_FALLBACK, MASK_FILLED, MASK_TRACED
 from phrt.interfaces.effect import EffectResult, LayerSpec, RayEffect
 from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic, Outcome, Request
 from phrt.layers import LayerSet, apply_fallbacks
-from phrt.runs import merged
-from phrt.scheduler import BudgetScheduler
+from phrt.ledger import Ledger, Parts
+from phrt.runs import merged, unit_parts
+from phrt.scheduler import MOST_FOR_BEGINNING, BudgetScheduler, _Plan
 from phrt.workers import Workers
 
 SIZES = (300, 200, 100)
@@ -455,13 +456,13 @@ def test_a_wave_under_a_budget_is_bounded() -> None:
     large = work.candidates.predicted_cost * np.float32(100)
     work = replace(work, candidates=replace(work.candidates, predicted_cost=large))
     heuristic = Watched([0, 1, 2, 3, 4])
-    run(painters(), heuristic, budget=250_000, work=work)
-    # 60,000 and 40,000 rays are more than the 87,500 that a wave holds: 137 of the 200 pixels of item 1 are in the first one,
-    # which takes 2 rays a pixel after all, and the 12,600 rays of the others are off the budget of the second.
-    assert heuristic.remaining[:4] == [250_000, 190_000, 250_000 - 874 - 12_600, 250_000 - 874 - 12_600 - 20_000]
-    calls = [f"report {item}" for item in (0, 1, 1, 2, 3, 4, 4)]
-    assert heuristic.calls == ["begin", *calls, "end"]
-    assert heuristic.outcomes[1].complete
+    run(painters(), heuristic, budget=190_000, work=work)
+    # 180,000 rays are more than the 171,000 that a wave holds: 55 of the 100 pixels of the last item are in the first one, which
+    # takes 2 rays a pixel after all, and the 9,000 rays of the others are off the budget of the second.
+    asked = [190_000, 130_000, 90_000, 70_000, 30_000, 190_000 - 2 * 855 - 9_000]
+    assert heuristic.remaining[:6] == asked
+    assert heuristic.calls == ["begin", *(f"report {item}" for item in (0, 1, 2, 3, 4, 4)), "end"]
+    assert heuristic.outcomes[4].complete
 
 
 def test_small_items_share_what_they_took_together_by_prediction() -> None:
@@ -483,3 +484,33 @@ def test_an_item_that_was_refused_is_not_asked_for_forever() -> None:
 def test_no_budget_at_all_traces_nothing() -> None:
     decisions, _ = run(painters(), Picks([0, 1, 2, 3, 4]), budget=0)
     assert not decisions.chosen.any()
+
+
+@pytest.mark.parametrize(("begin_ms", "pixels"), [(0.0, 400), (1.0, 300), (100.0, 120)])
+def test_what_an_effect_takes_before_its_first_ray_is_off_the_time_for_rays(begin_ms: float, pixels: int) -> None:
+    work = work_items()
+    price = work.candidates.pixel_count * np.float32(0.01)
+    work = replace(work, candidates=replace(work.candidates, predicted_cost=price))
+    plan = _Plan(left=4.0, largest=4.0, begin=np.minimum([begin_ms, begin_ms], MOST_FOR_BEGINNING * 4.0))
+    named = Parts(np.array([0, 1]), np.zeros(2, np.int64), np.array([300, 200]))
+    now, later = plan.cut(named, Ledger(work))
+    assert (now.stop - now.start).sum() == pytest.approx(pixels, abs=1)
+    assert (later.stop - later.start).sum() == 500 - (now.stop - now.start).sum()
+
+
+def test_parts_of_an_item_that_follow_each_other_are_traced_in_the_order_of_the_picture() -> None:
+    work = work_items()
+    one = Parts(np.array([0, 2, 0]), np.array([0, 0, 75]), np.array([75, 100, 300]))
+    whole = unit_parts(work, one, 1e6)
+    assert whole.unit.tolist() == [0, 2]
+    np.testing.assert_array_equal(whole.pixels(work)[0], [*range(300), *range(500, 600)])
+    half = unit_parts(work, Parts(np.array([0]), np.array([40]), np.array([110])), 1e6).pixels(work)[0]
+    assert len(half) == 70
+    assert np.all(np.diff(half) > 0)
+    order = np.argsort(_pass_of(np.arange(300)), kind="stable")
+    assert sorted(half.tolist()) == sorted(order[40:110].tolist())
+
+
+def _pass_of(pixels: np.ndarray) -> np.ndarray:
+    right, down = pixels % 30 % 2, pixels // 30 % 2
+    return np.where(right == down, down, 2 + down)

@@ -94,9 +94,10 @@ class Candidates:
         """(n, PASSES) float32, which share of its pixels, and so of its predicted cost, each pass of an item has, nearly: a
         quarter; where it holds values of earlier frames, the first pass is all that is missing, the others are a third each of
         what could be traced anew."""
-        shares = np.repeat(self.history_share[:, None] / np.float32(PASSES - 1), PASSES, axis=1)
-        shares[:, 0] = 1 - self.history_share
-        shares[self.history_share <= 0] = 1 / PASSES
+        shares = np.full((len(self), PASSES), 1 / PASSES, np.float32)
+        held = np.flatnonzero(self.history_share > 0)
+        shares[held] = self.history_share[held, None] / np.float32(PASSES - 1)
+        shares[held, 0] = 1 - self.history_share[held]
         return shares
 
     def keys(self) -> np.ndarray:

@@ -137,38 +137,6 @@ def pass_numbers(width, numbers):
 
 
 @kernel
-def order_units(pixels, first, count, held, numbers, mask, history_code, out, ends):
-    """Every unit's pixels in the order in which parts of it are traced; where nothing else decides they stay as they are.
-
-    pixels (p,) int32: unit u owns rows first[u] to first[u] + count[u] - 1 of it and of out (p,) int32. By interleaved passes,
-    numbers (P,) of `pass_numbers`. Where held[u] of them hold a value of an earlier frame (mask (P,) is history_code), all
-    others come before these. ends (u, 4) int64: how many pixels the first one, two, three and four passes have; with values
-    of an earlier frame the first pass is all that have none, and the others are a third each of those that do.
-    """
-    place = np.empty(8, np.int64)
-    for u in range(len(first)):
-        begin, end = first[u], first[u] + count[u]
-        place[:] = 0
-        for i in range(begin, end):
-            place[numbers[pixels[i]] + (4 if held[u] and mask[pixels[i]] == history_code else 0)] += 1
-        next_place = begin
-        for k in range(8):
-            size = place[k]
-            place[k] = next_place
-            next_place += size
-            if k < 4:
-                ends[u, k] = next_place - begin
-        if held[u]:
-            missing = count[u] - held[u]
-            for k in range(4):
-                ends[u, k] = missing + (held[u] * k + 2) // 3
-        for i in range(begin, end):
-            number = numbers[pixels[i]] + (4 if held[u] and mask[pixels[i]] == history_code else 0)
-            out[place[number]] = pixels[i]
-            place[number] += 1
-
-
-@kernel
 def gather_ranges(source, start, stop, out):
     """out = source[start[0]:stop[0]], source[start[1]:stop[1]], ... one after the other."""
     place = 0

@@ -10,7 +10,6 @@ from phrt.kernels.layers import (
     fill_gaps,
     gather_ranges,
     mark_targets,
-    order_units,
     pass_numbers,
     place_by_object,
     scatter,
@@ -126,28 +125,6 @@ def test_interleaved_passes_take_the_corners_of_each_block_in_turn() -> None:
     numbers = np.empty(COUNT, np.uint8)
     pass_numbers(WIDTH, numbers)
     np.testing.assert_array_equal(numbers, pass_of(np.arange(COUNT)))
-
-
-def test_units_are_traced_pass_by_pass_and_what_is_missing_before_what_is_held() -> None:
-    rng = np.random.default_rng(5)
-    pixels = tile_order(WIDTH, HEIGHT)[:700]
-    mask = np.where(rng.random(COUNT) < 0.6, 4, 0).astype(np.uint8)
-    first, count = np.array([400, 0, 100], np.int64), np.array([300, 100, 300], np.int32)
-    held = np.array([(mask[pixels[a : a + n]] == 4).sum() for a, n in zip(first, count, strict=True)], np.int32)
-    held[1] = 0  # as of an effect without history: its mask does not matter
-    out, ends = np.empty_like(pixels), np.zeros((3, 4), np.int64)
-    numbers = pass_of(np.arange(COUNT)).astype(np.uint8)
-    order_units(pixels, first, count, held, numbers, mask, 4, out, ends)
-    for unit, (begin, size) in enumerate(zip(first, count, strict=True)):
-        own = pixels[begin : begin + size]
-        rank = pass_of(own) + 4 * ((mask[own] == 4) & (held[unit] > 0))
-        np.testing.assert_array_equal(out[begin : begin + size], own[np.argsort(rank, kind="stable")])
-        if held[unit]:
-            missing = size - held[unit]
-            np.testing.assert_allclose(ends[unit], missing + held[unit] * np.arange(4) / 3, atol=0.67)
-        else:
-            assert ends[unit].tolist() == np.cumsum(np.bincount(pass_of(own), minlength=4)).tolist()
-        assert ends[unit, 3] == size
 
 
 def test_ranges_are_gathered_in_order() -> None:
