@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from phrt.cli.console import print_table, say, terminal
+from phrt.cli.console import DelayedProgress, print_table, say, terminal
 from phrt.cli.options import DebugOption, JsonOption, PluginOption, QuietOption
 from phrt.errors import OptionError
 from phrt.registry.descriptors import Options
@@ -75,7 +75,8 @@ def bench(
     file = read_config(config, change or ())
     if frames is not None:
         file = with_frames(file, frames)
-    plan = checked_plan(file)
+    with DelayedProgress(1, "loading scenes"):
+        plan = checked_plan(file)
     kept = (cache or default_cache()).absolute()
     estimate = None if quiet and not dry_run else Estimate(plan, kept, file.config.metrics)
     if dry_run:
@@ -100,6 +101,7 @@ def show_plan(plan: Any, estimate: Any, as_json: bool) -> None:
     from phrt_plugins.bench.plan import STAGES
 
     tasks = [task for stage in STAGES for task in plan.tasks(stage)]
+    estimate.measure(tasks)
     total = estimate.total(tasks)
     setups = {setup.id: setup for setup in plan.setups}
     rows = []

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from phrt.budget import parse_budget
+from phrt.cli.console import DelayedProgress
 from phrt.errors import PhrtWarning
 from phrt.frame import FrameResult
 from phrt.interfaces.metric import Metric
@@ -80,6 +81,15 @@ class Estimate:
                 except Exception:
                     self._costs[setup.id] = None
         return self._costs[setup.id]
+
+    def measure(self, tasks: Sequence[Task]) -> None:
+        """Find the costs that `tasks` need, and say so where that takes long."""
+        setups = {task.setup.id: task.setup for task in tasks}
+        with DelayedProgress(len(setups), "estimating") as progress:
+            for setup in setups.values():
+                progress.step(f"estimating: {setup.scene} {setup.size[0]}x{setup.size[1]}")
+                self.cost(setup)
+                progress.advance()
 
     def seconds(self, task: Task) -> float:
         """Of `task`, its setup loaded."""

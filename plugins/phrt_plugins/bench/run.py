@@ -59,6 +59,7 @@ def run_bench(
             runner.work = replace(runner.work, threads=made.threads)
             tasks = [task for stage in STAGES for task in runner.remaining(stage)]
             if estimate is not None and tasks:
+                estimate.measure(tasks)
                 say(f"{len(plan.cells)} cells, {len(tasks)} tasks, about {spoken(estimate.total(tasks, made.jobs))}")
             with RunProgress(tasks, estimate) as progress:
                 runner.run(made, progress.ended)

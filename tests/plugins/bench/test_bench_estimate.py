@@ -97,6 +97,7 @@ def test_the_time_that_is_left_is_said_and_every_warning_once(
 
     monkeypatch.setattr(progress, "LINE_EVERY_S", 0.0)
     monkeypatch.setattr(terminal, "warned", [])
+    monkeypatch.setattr(terminal, "quiet", False)
     tasks = plan_of(tmp_path).tasks("cells")
     with RunProgress(tasks, None) as shown:
         for task in tasks:

@@ -285,6 +285,27 @@ def test_a_full_disk_fails_the_cell_and_the_others_go_on(tmp_path: Path, monkeyp
     assert results(tmp_path / "run") == results(tmp_path / "other")
 
 
+def test_a_disk_that_takes_nothing_at_all_is_told_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = write_config(tmp_path, heuristics=["raster_only"])
+    write, written = store_module.write_json, []
+
+    def full(path: Path, values: Any) -> None:
+        if written:
+            raise OSError(28, "No space left on device")
+        written.append(path)
+        write(path, values)
+
+    monkeypatch.setattr(store_module, "write_json", full)
+    done = bench(config, tmp_path / "run")
+    assert done.code == 1
+    assert [path.name for path in written] == ["bench.json"]
+    assert "bench.json cannot be written: No space left on device" in done.said
+    assert "failed, which cannot be written down" in done.said
+    monkeypatch.setattr(store_module, "write_json", write)
+    assert bench(config, tmp_path / "run", "--resume").code == 0
+    assert json.loads((tmp_path / "run" / "bench.json").read_text())["state"] == "finished"
+
+
 def test_a_recording_that_cannot_be_written_fails_the_cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from phrt.recording import stream
 
