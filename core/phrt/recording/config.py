@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import platform
 from dataclasses import fields
+from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
@@ -108,13 +109,16 @@ def heuristic_name(heuristic: Heuristic) -> str:
 
 def versions() -> dict[str, str | None]:
     """Of Python and of the packages that a picture depends on; None where one is not installed."""
-    found: dict[str, str | None] = {"python": platform.python_version()}
-    for package in PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = None
-    return found
+    return {"python": platform.python_version()} | {package: installed(package) for package in PACKAGES}
+
+
+@lru_cache
+def installed(package: str) -> str | None:
+    """The version of `package`; None where it is not installed. Looking it up reads files, so once is enough."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
 
 
 def machine() -> dict[str, Any]:
