@@ -26,6 +26,7 @@ from phrt_plugins.bench.content import scene_digest
 from phrt_plugins.bench.plan import Cell, Path, Plan, Setup, short_hash, slug
 from phrt_plugins.bench.reading import ConfigFile
 from phrt_plugins.bench.scenes import open_scene
+from phrt_plugins.loaders.availability import simplification_unavailable
 
 SMALLEST_SIDE = 7
 """Pixels: metrics look at windows of this size."""
@@ -141,11 +142,13 @@ class _Checker:
             return None
         scene = self._trying(
             self._at("scenes", number, "scene"),
-            lambda: open_scene(file, entry.variant, entry.overrides, None),
+            lambda: open_scene(file, entry.variant, entry.overrides),
         )
         if scene is None:
             return None
         before = len(self._problems)
+        if entry.simplify is not None and (reason := simplification_unavailable()) is not None:
+            self._at("scenes", number, "simplify")(f"meshes cannot be simplified here: {reason}")
         self._trying(self._at("scenes", number, "camera"), lambda: camera_number(scene, entry.camera))
         self._check_effects(scene, entry.effects, self._at("scenes", number, "effects"))
         for other, heuristic in enumerate(self._config.heuristics):

@@ -12,6 +12,7 @@ from functools import partial
 from typing import Any
 
 from phrt.errors import OptionError, PhrtWarning
+from phrt.output.files import complete_file
 from phrt.recording.arrow import import_arrow
 from phrt.recording.config import machine, versions
 from phrt.recording.folder import plain
@@ -124,7 +125,8 @@ class BenchRunner:
 
     def _write_config(self) -> None:
         text = self.file.text or _as_yaml(self.file.value.plain())
-        (self.store.root / CONFIG_FILE).write_text(text, encoding="utf-8")
+        with complete_file(self.store.root / CONFIG_FILE) as temporary:
+            temporary.write_text(text, encoding="utf-8")
 
     # Running
 

@@ -7,28 +7,40 @@ from pathlib import Path
 from typing import Any
 
 from phrt.clock import Clock, RayClock, WallClock
+from phrt.errors import SceneError
 from phrt.loading import load_scene
 from phrt.renderer import Renderer
 from phrt.scene import Scene
+from phrt_plugins.bench.content import scene_digest
 from phrt_plugins.bench.plan import Setup
 
 
-def open_scene(file: str | Path, variant: str | None, overrides: Mapping[str, Any], simplify: float | None) -> Scene:
-    """The scene in `file`; simplify: the share of its triangles that every mesh keeps. Raises InputError as `load_scene`."""
-    scene = load_scene(file, variant=variant, overrides=overrides)
-    if simplify is not None:
-        from phrt_plugins.loaders.simplify import simplified
+def open_scene(file: str | Path, variant: str | None, overrides: Mapping[str, Any]) -> Scene:
+    """The scene in `file`. Raises InputError as `load_scene`."""
+    return load_scene(file, variant=variant, overrides=overrides)
 
-        scene = simplified(scene, simplify)
-    return scene
+
+def simplified_scene(scene: Scene, share: float | None) -> Scene:
+    """`scene`, whose meshes keep `share` of their triangles; None for all. Raises OptionError where that cannot be done."""
+    if share is None:
+        return scene
+    from phrt_plugins.loaders.simplify import simplified
+
+    return simplified(scene, share)
 
 
 def open_renderer(setup: Setup, *, base: bool = False, threads: int | None = None) -> Renderer:
     """A renderer of `setup`; base: with the effects of its reference; threads: where the setup does not say.
 
-    It is the caller's to close. Raises InputError as loading and `Renderer` do.
+    It is the caller's to close. Raises InputError as loading and `Renderer` do, and where the scene is not the one that was
+    planned with: it was edited since, or is another one on this machine.
     """
-    scene = open_scene(setup.file, setup.variant, setup.overrides, setup.simplify)
+    scene = open_scene(setup.file, setup.variant, setup.overrides)
+    if scene_digest(scene) != setup.content:
+        raise SceneError(
+            f"{setup.file}: the scene, or a file that it names, is not what it was when the benchmark began"
+        )
+    scene = simplified_scene(scene, setup.simplify)
     return Renderer(
         scene,
         size=setup.size,

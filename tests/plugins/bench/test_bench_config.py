@@ -105,6 +105,14 @@ def test_a_wrong_scene_is_named(tmp_path: Path, entry: str, said: str) -> None:
     assert said in problem(tmp_path, MINIMAL.replace("[balls.yaml]", f"[{entry}]"))
 
 
+def test_simplifying_needs_its_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from phrt_plugins.bench import checks
+
+    monkeypatch.setattr(checks, "simplification_unavailable", lambda: "fast-simplification is not installed")
+    said = problem(tmp_path, MINIMAL.replace("[balls.yaml]", "[{scene: balls.yaml, simplify: 0.5}]"))
+    assert "scenes[0].simplify: meshes cannot be simplified here: fast-simplification is not installed" in said
+
+
 def test_all_problems_are_told_at_once(tmp_path: Path) -> None:
     said = problem(tmp_path, "name: bad\nscenes: [balls.yaml]\nheuristics: [gane]\ntracers: [embre]\nmetrics: [flop]\n")
     assert said.startswith("3 problems in the config:")

@@ -349,6 +349,24 @@ def test_a_scene_that_no_longer_loads_fails_its_cells_alone(tmp_path: Path, monk
     assert len(list((tmp_path / "run" / "cells").glob("balls-*/block-000/measures.parquet"))) == 2
 
 
+def test_a_scene_that_is_edited_meanwhile_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from phrt_plugins.bench import runner
+
+    config = write_config(tmp_path, heuristics=["raster_only"])
+    begin = runner.BenchRunner.begin
+
+    def then_edit_it(self: Any, **options: Any) -> None:
+        begin(self, **options)
+        scene = tmp_path / "balls.yaml"
+        scene.write_text(scene.read_text().replace("intensity: 50", "intensity: 51"))
+
+    monkeypatch.setattr(runner.BenchRunner, "begin", then_edit_it)
+    done = bench(config, tmp_path / "run")
+    assert done.code == 1
+    assert "is not what it was when the benchmark began" in done.said
+    assert not list((tmp_path / "cache").glob("*"))
+
+
 def test_effects_of_a_contestant_are_its_own(tmp_path: Path) -> None:
     entries = ["all_trace", {"heuristic": "all_trace", "label": "dull", "effects": {"reflections": {"enabled": False}}}]
     config = write_config(
