@@ -12,7 +12,6 @@ import phrt
 from phrt.camera import CameraView, look_at
 from phrt.frame import MASK_HISTORY, FrameResult
 from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic
-from phrt.model import Track
 from phrt.scene import Scene
 
 SIZE = (120, 80)
@@ -50,16 +49,6 @@ def yard(dome: tuple[float, float, float] = (0.2, 0.25, 0.3), **mover: Any) -> S
     slanted = look_at((0.0, 0.0, 0.0), (0.5, -1.0, -0.3))
     made.light("directional", slanted, intensity=1.0).light("sphere", at(-2.5, 2.5, 1.5), intensity=15.0, radius=0.3)
     return made.camera((0.0, 1.6, 4.5), (0.0, 0.6, 0.0), fov_y=0.8).scene
-
-
-def animated(node: str) -> Scene:
-    """The yard; the box or the first lamp moves by the scene's own animation."""
-    scene = yard()
-    index = next(i for i, entry in enumerate(scene.nodes) if entry.path == node)
-    place = scene.nodes[index].matrix[:3, 3]
-    track = Track(index, "translation", np.array([0.0, 1.0]), np.array([place, place + np.array([1.2, 0.0, 0.4])]))
-    scene.tracks = [track]
-    return scene
 
 
 def walking(step: float = 0.03) -> Callable[[int], CameraView]:

@@ -17,9 +17,9 @@ from phrt.kernels.arrays import EnvironmentArrays, GeometryArrays, MaterialArray
 from phrt.workers import Workers
 from phrt.world import World
 
-MASK_NONE, MASK_FALLBACK, MASK_TRACED, MASK_FILLED, MASK_HISTORY, MASK_KEPT = 0, 1, 2, 3, 4, 5
+MASK_NONE, MASK_FALLBACK, MASK_TRACED, MASK_FILLED, MASK_HISTORY = 0, 1, 2, 3, 4
 """A layer's mask: the layer's clear value, the effect's fallback, traced, filled from traced neighbours, a value of an
-earlier frame, a fallback of an earlier frame."""
+earlier frame."""
 
 REASONS = ("not_asked", "selected", "reduced", "cut", "no_fit", "no_time", "effect_off")
 """Why an item was traced or not, by `Decisions.reason`."""

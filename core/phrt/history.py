@@ -17,7 +17,7 @@ import numpy as np
 from phrt.buffers import BufferPool
 from phrt.camera import CameraView
 from phrt.faults import Faults
-from phrt.frame import MASK_FALLBACK, MASK_HISTORY, MASK_KEPT, MASK_NONE, MASK_TRACED, Frame
+from phrt.frame import MASK_HISTORY, MASK_NONE, MASK_TRACED, Frame
 from phrt.interfaces.effect import HistoryRule, RayEffect
 from phrt.kernels.history import TILE, carry, choose_values, forget_crossed, match_pixels
 from phrt.layers import LayerSet
@@ -29,9 +29,6 @@ from phrt.world import World
 
 BAND_PIXELS = 32768
 """Pixels a thread takes at a time, in whole rows of tiles."""
-VALUES_ONLY = np.array([MASK_TRACED, MASK_HISTORY, MASK_TRACED, MASK_HISTORY], np.uint8)
-VALUES_AND_FALLBACKS = np.array([MASK_TRACED, MASK_HISTORY, MASK_FALLBACK, MASK_KEPT], np.uint8)
-"""What is taken over, and what it becomes, as `carry` takes it."""
 
 
 @dataclass(frozen=True)
@@ -85,10 +82,9 @@ class History:
         self._eyes: deque[np.ndarray] = deque(maxlen=max(finite, default=0))
 
     def reproject(self, frame: Frame, layers: LayerSet, faults: Faults) -> dict[str, np.ndarray]:
-        """Fill the cleared `layers` with what holds of the previous frame: there the mask becomes MASK_HISTORY, or MASK_KEPT where
-        it was a fallback (`HistoryRule.fallback`).
+        """Fill the cleared `layers` with what holds of the previous frame: there the mask becomes MASK_HISTORY.
 
-        Returns by layer name (P,) uint8 how many frames ago those values were found, 255 for more; elsewhere it is arbitrary.
+        Returns by layer name (P,) uint8 how many frames ago those values were traced, 255 for more; elsewhere it is arbitrary.
         Layers without any are left out, as are those of effects that failed. Call `keep` when the frame is done.
         """
         self._trails = {}
@@ -120,7 +116,7 @@ class History:
         surfaces, world = frame.surfaces, frame.world
         self._eyes.appendleft(eye_row(frame.view))
         trails, self._trails = self._trails, {}
-        if not (holds or any(rule.fallback for rule in self._rules.values())):
+        if not holds:
             self._past = None
             return
         self._past = _Past(
@@ -164,7 +160,6 @@ class History:
         footprint = np.array([spread, 0.0] if view.orthographic else [0.0, spread], np.float32)
         moved = moves.moved.astype(np.uint8)
         ends = {name: self._ends(name, frame.world.lights) for name in trails}
-        codes = {name: VALUES_AND_FALLBACKS if self._rules[name].fallback else VALUES_ONLY for name in trails}
         nothing = _Trail(np.empty(0, np.uint8), np.empty((0, 2), np.int8))
 
         def band(tiles: slice) -> list[int]:
@@ -181,18 +176,19 @@ class History:
                 choose_values(
                     first, last, source, slip, here.object_id, here.material_id, here.position, here.geometric_normal,
                     here.depth, past.object_id, past.material_id, past.position, past.normal, past.view.width,
-                    footprint, self._applies[name], codes[name], past.layers.masks[name], before.offset,
-                    chosen, trail.offset,
+                    footprint, self._applies[name], MASK_TRACED, MASK_HISTORY, past.layers.masks[name],
+                    before.offset, chosen, trail.offset,
                 )  # fmt: skip
                 number = carry(
                     first, last, chosen, here.position, here.roughness, self._first_light[name], frame.direct, past.direct,
-                    eyes, np.float32(rule.parallax), rule.max_age, codes[name], past.layers.arrays[name], past.layers.masks[name],
-                    before.age, layer, mask, trail.age,
+                    eyes, np.float32(rule.parallax), rule.max_age, MASK_TRACED, MASK_HISTORY, past.layers.arrays[name],
+                    past.layers.masks[name], before.age, layer, mask, trail.age,
                 )  # fmt: skip
                 if number and len(moves.casters) and len(ends[name]):
                     number -= forget_crossed(
                         first, last, width, here.position, here.geometric_normal, here.depth, footprint,
-                        eyes[0], ends[name], moves.casters, MASK_NONE, np.float32(self._clear[name]), layer, mask,
+                        eyes[0], ends[name], moves.casters, MASK_HISTORY, MASK_NONE, np.float32(self._clear[name]),
+                        layer, mask,
                     )  # fmt: skip
                 taken.append(number)
             return taken

@@ -81,10 +81,10 @@ def apply_fallbacks(
 
 
 def _missing(pixels: np.ndarray, layers: LayerSet, effect: RayEffect, faults: Faults) -> np.ndarray:
-    """Those of `pixels` that hold nothing of an earlier frame; all of an effect that is switched off."""
+    """Those of `pixels` that hold no value of an earlier frame; all of an effect that is switched off."""
     if faults.is_off(effect) or effect.writes.name not in layers.ages:
         return pixels
-    return pixels[layers.masks[effect.writes.name][pixels] == MASK_NONE]
+    return pixels[layers.masks[effect.writes.name][pixels] != MASK_HISTORY]
 
 
 def _concerned(frame: Frame, effect: RayEffect, pixels: np.ndarray, faults: Faults) -> np.ndarray:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phrt.errors import OptionError, did_you_mean
-from phrt.frame import MASK_FALLBACK, MASK_HISTORY, MASK_KEPT, MASK_NONE
+from phrt.frame import MASK_FALLBACK, MASK_HISTORY, MASK_NONE
 from phrt.output.tonemap import to_8bit
 
 if TYPE_CHECKING:
@@ -79,12 +79,11 @@ def effect_kinds(frame: FrameResult, effect: str) -> np.ndarray:
     mask = frame.masks[frame.effect_layers[effect]]
     kinds = np.where(mask == MASK_HISTORY, np.uint8(EARLIER), np.uint8(TRACED))
     kinds[items.partial[object_id]] = PARTLY
-    fallen_back = (mask == MASK_FALLBACK) | (mask == MASK_KEPT)
-    kinds[fallen_back] = SKIPPED
+    kinds[mask == MASK_FALLBACK] = SKIPPED
     # A fallback of `none` leaves no mark. Where nothing of an item that was not traced whole shows another, that is what it took;
     # elsewhere the effect does not apply to such pixels.
     marks = np.zeros(len(items.exists), bool)
-    marks[object_id[fallen_back]] = True
+    marks[object_id[mask == MASK_FALLBACK]] = True
     bare = items.exists & ~items.whole & ~marks
     kinds[mask == MASK_NONE] = UNTOUCHED
     kinds[(mask == MASK_NONE) & bare[object_id]] = SKIPPED

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from history_kit import SIZE, TraceIn, animated, around, kept_share, run, walking, yard
+from history_kit import SIZE, TraceIn, kept_share, run, walking, yard
 from scene_kit import GLASS, LAMBERT, MIRROR, Stage, at, ball, floor
 
 import phrt
 from phrt.errors import PhrtWarning
-from phrt.frame import MASK_FALLBACK, MASK_FILLED, MASK_HISTORY, MASK_KEPT, MASK_TRACED, FrameResult
+from phrt.frame import MASK_FALLBACK, MASK_FILLED, MASK_HISTORY, MASK_TRACED, FrameResult
 from phrt.history import History, eye_row, way_ends
 from phrt.interfaces.effect import HistoryRule
 from phrt.interfaces.heuristic import Request
@@ -85,63 +85,6 @@ def test_nothing_that_was_filled_or_fell_back_is_taken_for_traced() -> None:
         np.testing.assert_array_equal(second.masks[name] == MASK_HISTORY, traced)
     plain = frames(3, "raster_only", effects={"shadows": {"fallback": "shadow_map"}})
     assert not any((frame.masks["visibility"] == MASK_HISTORY).any() for frame in plain)
-
-
-MAPPED: dict[str, Any] = {"shadows": {"fallback": "shadow_map"}}
-
-
-def test_shadow_maps_are_not_looked_up_again_where_the_same_point_is_seen() -> None:
-    first, second = frames(2, "raster_only", effects=MAPPED)
-    looked_up = first.masks["visibility"] == MASK_FALLBACK
-    assert looked_up.sum() > 1000
-    np.testing.assert_array_equal(second.masks["visibility"] == MASK_KEPT, looked_up)
-    np.testing.assert_array_equal(second.image, first.image)
-
-
-def test_kept_shadow_maps_stay_where_they_belong_while_the_eye_walks() -> None:
-    """Against those of the same frame, looked up anew: edges are off by a pixel at most."""
-    options: dict[str, Any] = {"heuristic": "raster_only", "effects": MAPPED, "view": walking(), "frames": 20}
-    kept = [frame for frame, _ in run(yard(), **options)]
-    anew = [frame for frame, _ in run(yard(), **options, history=False)]
-    for frame, truth in zip(kept[1:], anew[1:], strict=True):
-        mask = frame.masks["visibility"]
-        assert (mask == MASK_KEPT).sum() > 5 * (mask == MASK_FALLBACK).sum() > 0
-        low = around(truth.layers["visibility"], 1, np.minimum) - 0.3
-        high = around(truth.layers["visibility"], 1, np.maximum) + 0.3
-        value, lit = frame.layers["visibility"], frame.direct.sum(axis=-1) > 0
-        assert (((value < low) | (value > high)) & lit).sum() < 20
-
-
-@pytest.mark.parametrize("moved", ["/mover", "a light"])
-def test_kept_shadow_maps_are_forgotten_where_something_moved(moved: str) -> None:
-    scene = yard() if moved == "/mover" else animated("/light0")
-
-    def slide(renderer: phrt.Renderer, k: int) -> None:
-        if moved == "/mover":
-            renderer.move(moved, at(-0.8 + 0.2 * k, 0.9, 0.0))
-
-    options: dict[str, Any] = {"heuristic": "raster_only", "effects": MAPPED, "move": slide, "frames": 4}
-    kept = [frame for frame, _ in run(scene, **options)]
-    anew = [frame for frame, _ in run(scene, **options, history=False)]
-    for frame, truth in zip(kept, anew, strict=True):
-        # Maps are rendered anew for what moved: their texels fall differently where nothing did, and only a little.
-        lit = frame.direct.sum(axis=-1) > 0
-        assert ((np.abs(frame.layers["visibility"] - truth.layers["visibility"]) > 0.5) & lit).sum() < 10
-    assert any((frame.masks["visibility"] == MASK_KEPT).any() for frame in kept) == (moved == "/mover")
-
-
-def test_what_is_traced_replaces_a_kept_fallback_and_gaps_are_filled_over_it() -> None:
-    """A quarter is traced over kept fallbacks: neighbours of traced pixels are filled from them."""
-    first, second = frames(2, QuarterOnce([1]), effects=MAPPED)
-    assert (first.masks["visibility"] == MASK_FALLBACK).any()
-    assert (second.masks["visibility"] == MASK_TRACED).any()
-    mask = second.masks["visibility"]
-    assert (mask == MASK_FILLED).sum() > 2 * (mask == MASK_TRACED).sum()
-    assert not (mask == MASK_FALLBACK).any()
-    told = TraceIn([1])
-    frames(2, told, effects=MAPPED)
-    # To heuristics a fallback is no value, kept or not.
-    np.testing.assert_array_equal(told.candidates[1].history_share, 0)
 
 
 @pytest.mark.parametrize("options", [{"history": False}, {"aa": 2}])

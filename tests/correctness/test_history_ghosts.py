@@ -6,14 +6,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from history_kit import Move, animated, ghosts, kept_share, run, walking, yard
+from history_kit import Move, ghosts, kept_share, run, walking, yard
 from scene_kit import at, turned
 
 import phrt
 import phrt.history
 from phrt.camera import CameraView, look_at
 from phrt.frame import MASK_HISTORY, FrameResult
+from phrt.model import Track
 from phrt.movers import BoundingSpheres
+from phrt.scene import Scene
 
 FRAMES = 8
 
@@ -49,6 +51,16 @@ def test_nothing_that_moved_leaves_a_shadow_behind(name: str, walks: bool) -> No
     assert kept_share(pairs[3][0], "ambient_occlusion") > 0.5
     moved = [k for k in range(1, FRAMES) if name != "moves once" or k == 3]
     assert not any((pairs[k][0].masks["reflection"] == MASK_HISTORY).any() for k in moved)
+
+
+def animated(node: str) -> Scene:
+    """The yard; the box or the first lamp moves by the scene's own animation."""
+    scene = yard()
+    index = next(i for i, entry in enumerate(scene.nodes) if entry.path == node)
+    place = scene.nodes[index].matrix[:3, 3]
+    track = Track(index, "translation", np.array([0.0, 1.0]), np.array([place, place + np.array([1.2, 0.0, 0.4])]))
+    scene.tracks = [track]
+    return scene
 
 
 def test_a_moving_light_leaves_no_shadow_behind() -> None:

@@ -53,7 +53,6 @@ class HistoryRule:
                A glossy surface is granted the width of its lobe more
     max_age  : frames it may stand in; ages stop counting at 255, which is for ever
     radius   : metres
-    fallback : are values of the fallback taken over as well? They must hold as long; it pays where they are dear
     """
 
     movers: Literal["to_lights", "near", "any"]
@@ -61,7 +60,6 @@ class HistoryRule:
     parallax: float = math.inf
     max_age: int = 255
     radius: float = 0.0
-    fallback: bool = False
 
 
 class RayEffect(ABC):

@@ -124,77 +124,74 @@ def in_steps(aside):
 
 @kernel
 def choose_values(first, last, source, slip, object_id, material_id, position, normal, depth, past_object, past_material,
-                  past_position, past_normal, past_width, footprint, applies, codes, past_mask, past_offset, chosen,
-                  offset):  # fmt: skip
-    """Of which pixel of the previous picture the value belongs nearest to each of first..last - 1.
+                  past_position, past_normal, past_width, footprint, applies, traced_code, history_code,
+                  past_mask, past_offset, chosen, offset):  # fmt: skip
+    """Of which pixel of the previous picture the value was traced nearest to each of first..last - 1.
 
-    source, slip: of `match_pixels`. applies (materials,) bool. codes (4,) uint8, as in `carry`. past_mask (P,), past_offset (P, 2)
-    int8: of an effect's layer; the offset is read where the mask is one of an earlier frame. chosen (P,) int32 gets the pixel, -1
-    when there is no value within REACH; offset (P, 2) int8 how far beside the present pixel's centre it was traced.
+    source, slip: of `match_pixels`. applies (materials,) bool. past_mask (P,), past_offset (P, 2) int8: of an effect's layer; the
+    offset is read where the mask is history_code. chosen (P,) int32 gets the pixel, -1 when nothing was traced within
+    REACH; offset (P, 2) int8 how far beside the present pixel's centre that was.
 
     First the pixel where the point was. Its value may have been traced nearer to the next point: then the neighbour on the other
-    side has ours. Only where neither has one near enough, the three pixels next nearest to the point are looked at. Fallbacks are
-    looked for where nothing traced was found.
+    side has ours. Only where neither has one near enough, the three pixels next nearest to the point are looked at.
     """
-    ranks = 1 if codes[2] == codes[0] else 2
-    row_step = np.int32(past_width)
     for pixel in range(first, last):
         i = np.uint32(pixel)
         chosen[i] = -1
-        if source[i] < 0 or not applies[material_id[i]]:
-            continue
         start = source[i]
+        if start < 0 or not applies[material_id[i]]:
+            continue
         slip_x, slip_y = slip[i, 0], slip[i, 1]
-        for rank in range(ranks):
-            now, earlier = codes[2 * rank], codes[2 * rank + 1]
-            best, best_x, best_y, nearest = np.int32(-1), f32(0.0), f32(0.0), f32(4.0)
-            a, b = np.int32(0), np.int32(0)
-            code = past_mask[np.uint32(start)]
-            if code in (now, earlier):
-                best, best_x, best_y = start, -slip_x, -slip_y
-                if code == earlier:
-                    best_x += f32(past_offset[np.uint32(start), 0]) * STEP
-                    best_y += f32(past_offset[np.uint32(start), 1]) * STEP
-                nearest = min(nearest, best_x * best_x + best_y * best_y)
-                a = np.int32(-1) if best_x > f32(0.5) else (np.int32(1) if best_x < f32(-0.5) else np.int32(0))
-                b = np.int32(-1) if best_y > f32(0.5) else (np.int32(1) if best_y < f32(-0.5) else np.int32(0))
-            if best < 0 or a != 0 or b != 0:
-                side_x = np.int32(1) if slip_x >= f32(0.0) else np.int32(-1)
-                side_y = np.int32(1) if slip_y >= f32(0.0) else np.int32(-1)
-                for attempt in range(-1 if best >= 0 else 0, 3):
-                    if attempt >= 0:
-                        if nearest <= REACH * REACH:
-                            break
-                        a, b = side_x if attempt != 1 else np.int32(0), side_y if attempt != 0 else np.int32(0)
-                    # The mask first: most neighbours of pixels without a value have none either, and a division is dear.
-                    place = np.int32(start + b * row_step + a)
-                    if place < 0 or place >= len(past_mask):
-                        continue
-                    j = np.uint32(place)
-                    code = past_mask[j]
-                    if code not in (now, earlier):
-                        continue
-                    column = np.int32(np.uint32(start) % np.uint32(row_step)) + a
-                    if column < 0 or column >= row_step:
-                        continue
-                    aside_x, aside_y = f32(a) - slip_x, f32(b) - slip_y
-                    if code == earlier:
-                        aside_x += f32(past_offset[j, 0]) * STEP
-                        aside_y += f32(past_offset[j, 1]) * STEP
-                    distance = aside_x * aside_x + aside_y * aside_y
-                    if distance >= nearest or past_object[j] != object_id[i] or past_material[j] != material_id[i]:
-                        continue
-                    x, y, z = position[i, 0], position[i, 1], position[i, 2]
-                    off = off_plane(footprint[0] + footprint[1] * depth[i], x, y, z)
-                    if same_plane(
-                        x, y, z, normal[i, 0], normal[i, 1], normal[i, 2], past_position[j, 0], past_position[j, 1],
-                        past_position[j, 2], past_normal[j, 0], past_normal[j, 1], past_normal[j, 2], off,
-                    ):  # fmt: skip
-                        best, best_x, best_y, nearest = place, aside_x, aside_y, distance
-            if best >= 0 and best_x * best_x + best_y * best_y <= REACH * REACH:
+        best, best_x, best_y, nearest = np.int32(-1), f32(0.0), f32(0.0), f32(4.0)
+        a, b = 0, 0
+        code = past_mask[start]
+        if code in (traced_code, history_code):
+            best, best_x, best_y = start, -slip_x, -slip_y
+            if code == history_code:
+                best_x += f32(past_offset[start, 0]) * STEP
+                best_y += f32(past_offset[start, 1]) * STEP
+            if max(abs(best_x), abs(best_y)) <= f32(0.5):
                 chosen[i] = best
                 offset[i, 0], offset[i, 1] = in_steps(best_x), in_steps(best_y)
-                break
+                continue
+            nearest = min(nearest, best_x * best_x + best_y * best_y)
+            a = -1 if best_x > f32(0.5) else (1 if best_x < f32(-0.5) else 0)
+            b = -1 if best_y > f32(0.5) else (1 if best_y < f32(-0.5) else 0)
+        width = footprint[0] + footprint[1] * depth[i]
+        side_x, side_y = 1 if slip_x >= f32(0.0) else -1, 1 if slip_y >= f32(0.0) else -1
+        for attempt in range(-1 if best >= 0 else 0, 3):
+            if attempt >= 0:
+                if nearest <= REACH * REACH:
+                    break
+                a, b = side_x if attempt != 1 else 0, side_y if attempt != 0 else 0
+            # The mask first: most neighbours of pixels without a value have none either, and a division is dear.
+            place = np.int32(start + np.int32(b) * np.int32(past_width) + np.int32(a))
+            if place < 0 or place >= len(past_mask):
+                continue
+            j = np.uint32(place)
+            code = past_mask[j]
+            if code not in (traced_code, history_code):
+                continue
+            column = np.int32(np.uint32(start) % np.uint32(past_width)) + a
+            if column < 0 or column >= past_width:
+                continue
+            aside_x, aside_y = f32(a) - slip_x, f32(b) - slip_y
+            if code == history_code:
+                aside_x += f32(past_offset[j, 0]) * STEP
+                aside_y += f32(past_offset[j, 1]) * STEP
+            distance = aside_x * aside_x + aside_y * aside_y
+            if distance >= nearest or past_object[j] != object_id[i] or past_material[j] != material_id[i]:
+                continue
+            x, y, z = position[i, 0], position[i, 1], position[i, 2]
+            if same_plane(
+                x, y, z, normal[i, 0], normal[i, 1], normal[i, 2], past_position[j, 0], past_position[j, 1], past_position[j, 2],
+                past_normal[j, 0], past_normal[j, 1], past_normal[j, 2], off_plane(width, x, y, z),
+            ):  # fmt: skip
+                best, best_x, best_y, nearest = np.int32(j), aside_x, aside_y, distance
+        if best < 0 or best_x * best_x + best_y * best_y > REACH * REACH:
+            continue
+        chosen[i] = best
+        offset[i, 0], offset[i, 1] = in_steps(best_x), in_steps(best_y)
 
 
 @device
@@ -209,28 +206,26 @@ def turned_by(eyes, age, x, y, z):
 
 
 @kernel
-def carry(first, last, chosen, position, roughness, first_light, direct, past_direct, eyes, parallax, max_age, codes,
-          past_layer, past_mask, past_age, layer, mask, age):  # fmt: skip
+def carry(first, last, chosen, position, roughness, first_light, direct, past_direct, eyes, parallax, max_age, traced_code,
+          history_code, past_layer, past_mask, past_age, layer, mask, age):  # fmt: skip
     """Take one effect's earlier values over to pixels first..last - 1: layer (P, C), mask, age (P,).
 
     chosen (P,): of `choose_values`. first_light: component k is the visibility of light first_light + k, and holds only
     where that light arrived, by direct (P, L, 3); -1 when components are no lights. parallax: radians that the eye may have gone
     round a point, inf for any; a glossy surface is granted the width of its lobe more (alpha of GGX). eyes (A, 4): now, one frame
-    ago, ...; x, y, z, 1, or a direction towards the eye and 0. max_age: frames; at 255 the age stops counting.
-    codes (4,) uint8 of masks: traced, and what it becomes; fallback, and what that becomes, or traced again where fallbacks are
-    not taken over. past_age is read only where past_mask is one of an earlier frame.
+    ago, ...; x, y, z, 1, or a direction towards the eye and 0. max_age: frames; at 255 the age stops counting. past_age is read
+    only where past_mask is history_code.
     Returns how many pixels were taken over.
     """
     components = layer.shape[1]
-    traced, earlier, fallback, kept = codes[0], codes[1], codes[2], codes[3]
     taken = 0
     for pixel in range(first, last):
         i = np.uint32(pixel)
         if chosen[i] < 0:
             continue
         j = np.uint32(chosen[i])
-        frames, code = np.int64(1), past_mask[j]
-        if code != traced and code != fallback:
+        frames = np.int64(1)
+        if past_mask[j] != traced_code:
             frames = min(np.int64(past_age[j]) + np.int64(1), np.int64(255))
         if frames > max_age:
             continue
@@ -252,7 +247,7 @@ def carry(first, last, chosen, position, roughness, first_light, direct, past_di
                 continue
         for k in range(components):
             layer[i, k] = past_layer[j, k]
-        mask[i] = earlier if code in (traced, earlier) else kept
+        mask[i] = history_code
         age[i] = frames
         taken += 1
     return taken
@@ -285,10 +280,9 @@ def crossed(x, y, z, end_x, end_y, end_z, kind, extent, centre_x, centre_y, cent
 
 
 @kernel
-def forget_crossed(first, last, width, position, normal, depth, footprint, eye, ends, spheres, none_code, clear,
-                   layer, mask):  # fmt: skip
-    """Values at pixels first..last - 1 (whole rows) that a moving sphere can have changed are cleared again. So far nothing but
-    what was taken over is in the layer: mask (P,) is `none_code` elsewhere.
+def forget_crossed(first, last, width, position, normal, depth, footprint, eye, ends, spheres, history_code,
+                   none_code, clear, layer, mask):  # fmt: skip
+    """Values at pixels first..last - 1 (whole rows) that a moving sphere can have changed are cleared again.
 
     ends (K, 5): x, y, z, kind and extent as in `crossed`; spheres (M, 4): centre, radius, before and after; eye (4,) as in
     `carry`. Tile by tile: what no way from a tile's bounding sphere meets, none from its pixels does. Returns how many pixels
@@ -307,7 +301,7 @@ def forget_crossed(first, last, width, position, normal, depth, footprint, eye, 
             for row in range(top, bottom):
                 for column in range(left, right):
                     i = np.uint32(first + row * width + column)
-                    if mask[i] != none_code:
+                    if mask[i] == history_code:
                         x, y, z = position[i, 0], position[i, 1], position[i, 2]
                         low_x, low_y, low_z = min(low_x, x), min(low_y, y), min(low_z, z)
                         high_x, high_y, high_z = max(high_x, x), max(high_y, y), max(high_z, z)
@@ -333,7 +327,7 @@ def forget_crossed(first, last, width, position, normal, depth, footprint, eye, 
             for row in range(top, bottom):
                 for column in range(left, right):
                     i = np.uint32(first + row * width + column)
-                    if mask[i] == none_code:
+                    if mask[i] != history_code:
                         continue
                     x, y, z = position[i, 0], position[i, 1], position[i, 2]
                     slack = width_on_surface(

@@ -34,9 +34,8 @@ FIGURE_1 = (
 SHARES = frozenset({"visibility", "ambient_occlusion"})
 """Layers whose components are shares of light in 0..1, however many: shown in grey, as their mean."""
 
-MASK_SHADES = np.array([0, 85, 255, 170, 170, 85], dtype=np.uint8)
-"""Grey by `phrt.frame.MASK_*`: nothing black, fallback dark, traced white, filled from neighbours or of an
-earlier frame light."""
+MASK_SHADES = np.array([0, 85, 255, 170], dtype=np.uint8)
+"""Grey by `phrt.frame.MASK_*`: nothing black, fallback dark, traced white, filled from neighbours light."""
 
 _COMPONENTS = {"uv": ("U", "V"), "depth": ("Z",), "motion": ("X", "Y"), "object_id": ("id",)}
 _COMPONENTS |= {"primitive_id": ("id",), "material_id": ("id",)}
@@ -77,7 +76,7 @@ def layer_previews(frame: FrameResult, tone_map: str = "neutral") -> dict[str, n
         if name in frame.gbuffer.arrays:
             previews[f"gbuffer_{name}.png"] = preview(frame.gbuffer.arrays[name])
     for name, mask in frame.masks.items():
-        previews[f"traced_{_safe(name)}.png"] = MASK_SHADES[mask]
+        previews[f"traced_{_safe(name)}.png"] = MASK_SHADES[np.minimum(mask, len(MASK_SHADES) - 1)]
     return previews
 
 

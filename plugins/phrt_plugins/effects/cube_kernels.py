@@ -6,33 +6,33 @@ import math
 
 import numpy as np
 
-from phrt.kernels.jit import device, kernel
+from phrt.kernels.jit import device, inlined, kernel
 from phrt.lights import DIRECTIONAL
 
 f32 = np.float32
 
 
-@device
-def cube_texel(x, y, z):
-    """Face 0..5 (FACES) and picture coordinates -1..1 (right, down) of a direction."""
+@inlined
+def cube_face(x, y, z):
+    """Face 0..5 (FACES) of a direction, picture coordinates -1..1 (right, down), and the distance along the face's axis."""
     ax, ay, az = abs(x), abs(y), abs(z)
-    if ax >= ay and ax >= az:
-        if x > f32(0.0):
-            return 0, z / ax, -y / ax
-        return 1, -z / ax, -y / ax
-    if ay >= az:
-        if y > f32(0.0):
-            return 2, x / ay, -z / ay
-        return 3, x / ay, z / ay
-    if z > f32(0.0):
-        return 4, -x / az, -y / az
-    return 5, x / az, -y / az
+    depth = max(ax, max(ay, az))
+    along_x = ax >= ay and ax >= az
+    along_y = not along_x and ay >= az
+    inverse = f32(1.0) / max(depth, f32(1e-30))
+    face_x, face_y, face_z = np.int32(x <= f32(0.0)), np.int32(y <= f32(0.0)), np.int32(z <= f32(0.0))
+    right_x, right_z = (z if x > f32(0.0) else -z), (-x if z > f32(0.0) else x)
+    down_y = -z if y > f32(0.0) else z
+    face = face_x if along_x else (np.int32(2) + face_y if along_y else np.int32(4) + face_z)
+    u = right_x if along_x else (x if along_y else right_z)
+    v = down_y if along_y else -y
+    return face, u * inverse, v * inverse, depth
 
 
 @device
 def cube_radiance(cube, x, y, z):
     """Bilinear (r, g, b) of cube (6, S, S, 3) in a direction; faces are clamped at their edges."""
-    face, u, v = cube_texel(x, y, z)
+    face, u, v, _ = cube_face(x, y, z)
     size = cube.shape[1]
     column = min(max((u * f32(0.5) + f32(0.5)) * f32(size) - f32(0.5), f32(0.0)), f32(size - 1))
     row = min(max((v * f32(0.5) + f32(0.5)) * f32(size) - f32(0.5), f32(0.0)), f32(size - 1))
@@ -84,58 +84,84 @@ def probe_lookup(rows, surfaces, view, view_is_point, straight, cubes, centres, 
         out[i, 0], out[i, 1], out[i, 2] = r, g, b
 
 
-@device
-def lit_share(distances, face, u, v, reference):
-    """Share of the four nearest texels of distances (faces, S, S) that are not nearer than `reference` (bilinear PCF)."""
-    size = distances.shape[1]
-    column = min(max((u * f32(0.5) + f32(0.5)) * f32(size) - f32(0.5), f32(0.0)), f32(size - 1))
-    row = min(max((v * f32(0.5) + f32(0.5)) * f32(size) - f32(0.5), f32(0.0)), f32(size - 1))
-    x0, y0 = min(int(column), size - 2), min(int(row), size - 2)
-    fx, fy = column - f32(x0), row - f32(y0)
-    a = f32(1.0) if distances[face, y0, x0] >= reference else f32(0.0)
-    b = f32(1.0) if distances[face, y0, x0 + 1] >= reference else f32(0.0)
-    c = f32(1.0) if distances[face, y0 + 1, x0] >= reference else f32(0.0)
-    d = f32(1.0) if distances[face, y0 + 1, x0 + 1] >= reference else f32(0.0)
-    return (a * (f32(1.0) - fx) + b * fx) * (f32(1.0) - fy) + (c * (f32(1.0) - fx) + d * fx) * fy
+BLOCK = 64
+"""Points that are looked up together."""
+
+
+@inlined
+def texel_place(coordinate, size):
+    """The first of the two texels around a picture coordinate -1..1, and how far (0..1) towards the second it is."""
+    place = min(max((coordinate * f32(0.5) + f32(0.5)) * f32(size) - f32(0.5), f32(0.0)), f32(size - np.int32(1)))
+    first = min(np.int32(place), np.int32(size - np.int32(2)))
+    return first, place - f32(first)
 
 
 @kernel
 def shadow_map_lookup(rows, surfaces, direct, lights, maps, frames, visibility):
-    """visibility (n, L) from shadow maps (Williams 1978), percentage-closer filtered (Reeves et al. 1987); 1 where direct
-    (n, L, 3), the light that would arrive at surface points `rows`, is black.
+    """visibility (n, L) from shadow maps (Williams 1978), percentage-closer filtered over the four nearest texels (Reeves et al.
+    1987); 1 where direct (n, L, 3), the light that would arrive at surface points `rows`, is black.
 
     maps (L, 6, S, S) float32: depth along each face's axis, metres; directional lights use face 0 with frames (L, 4, 4)
     float32, map from world: x, y in -1..1 (right, up), z the depth. The receiver is moved along its normal by a texel.
+    Blocks of BLOCK points: where they fall in a map is found without branches, so that the compiler makes vector instructions of
+    it, and only then the map is read.
     """
-    size = maps.shape[2]
+    size = np.int32(maps.shape[2])
+    area = np.int32(size * size)
     at_position, at_normal = surfaces.position, surfaces.geometric_normal
-    # Light by light: its map stays in the cache, and is taken out of the array once.
-    for k in range(len(lights)):
-        light, distances, m = lights[k], maps[k], frames[k]
-        casts, directional = light.casts_shadow != 0, light.kind == DIRECTIONAL
-        lx, ly, lz = light.position[0], light.position[1], light.position[2]
-        sun_texel = (
-            f32(2.0) / f32(size) / math.sqrt(m[0, 0] * m[0, 0] + m[0, 1] * m[0, 1] + m[0, 2] * m[0, 2] + f32(1e-20))
-        )
-        for i in range(len(rows)):
-            visibility[i, k] = f32(1.0)
-            row = np.uint32(rows[i])
-            if not casts or direct[row, k, 0] + direct[row, k, 1] + direct[row, k, 2] <= f32(0.0):
+    flat = maps.reshape(len(maps), 6 * maps.shape[2] * maps.shape[3])
+    at = np.empty((6, BLOCK), np.float32)
+    place, across, down = np.empty(BLOCK, np.int32), np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
+    reference = np.empty(BLOCK, np.float32)
+    for block in range(0, len(rows), BLOCK):
+        count = min(BLOCK, len(rows) - block)
+        for i in range(count):
+            row = np.uint32(rows[block + i])
+            at[0, i], at[1, i], at[2, i] = at_position[row, 0], at_position[row, 1], at_position[row, 2]
+            at[3, i], at[4, i], at[5, i] = at_normal[row, 0], at_normal[row, 1], at_normal[row, 2]
+        for k in range(len(lights)):
+            light, m = lights[k], frames[k]
+            if light.casts_shadow == 0:
+                for i in range(count):
+                    visibility[block + i, k] = f32(1.0)
                 continue
-            nx, ny, nz = at_normal[row, 0], at_normal[row, 1], at_normal[row, 2]
-            px, py, pz = at_position[row, 0], at_position[row, 1], at_position[row, 2]
-            if directional:
-                x, y, z = px + nx * sun_texel, py + ny * sun_texel, pz + nz * sun_texel
-                u = m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]
-                v = m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3]
-                depth = m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3]
-                if abs(u) < f32(1.0) and abs(v) < f32(1.0):
-                    visibility[i, k] = lit_share(distances, 0, u, -v, depth - sun_texel * f32(0.5))
-                continue
-            x, y, z = px - lx, py - ly, pz - lz
-            axis = max(abs(x), max(abs(y), abs(z)))
-            texel = f32(2.0) * axis / f32(size)
-            x, y, z = x + nx * texel * f32(1.5), y + ny * texel * f32(1.5), z + nz * texel * f32(1.5)
-            face, u, v = cube_texel(x, y, z)
-            depth = max(abs(x), max(abs(y), abs(z)))
-            visibility[i, k] = lit_share(distances, face, u, v, depth - texel * f32(0.5))
+            if light.kind == DIRECTIONAL:
+                scale = math.sqrt(m[0, 0] * m[0, 0] + m[0, 1] * m[0, 1] + m[0, 2] * m[0, 2] + f32(1e-20))
+                texel = f32(2.0) / f32(size) / scale
+                for i in range(count):
+                    x, y, z = at[0, i] + at[3, i] * texel, at[1, i] + at[4, i] * texel, at[2, i] + at[5, i] * texel
+                    u = m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]
+                    v = m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3]
+                    depth = m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3]
+                    outside = abs(u) >= f32(1.0) or abs(v) >= f32(1.0)
+                    column, across[i] = texel_place(u, size)
+                    line, down[i] = texel_place(-v, size)
+                    place[i] = line * size + column
+                    reference[i] = f32(-np.inf) if outside else depth - texel * f32(0.5)
+            else:
+                lx, ly, lz = light.position[0], light.position[1], light.position[2]
+                width = f32(2.0) / f32(size)
+                for i in range(count):
+                    x, y, z = at[0, i] - lx, at[1, i] - ly, at[2, i] - lz
+                    texel = width * max(abs(x), max(abs(y), abs(z)))
+                    aside = texel * f32(1.5)
+                    x, y, z = x + at[3, i] * aside, y + at[4, i] * aside, z + at[5, i] * aside
+                    face, u, v, depth = cube_face(x, y, z)
+                    column, across[i] = texel_place(u, size)
+                    line, down[i] = texel_place(v, size)
+                    place[i] = face * area + line * size + column
+                    reference[i] = depth - texel * f32(0.5)
+            for i in range(count):
+                row = np.uint32(rows[block + i])
+                lit = direct[row, k, 0] + direct[row, k, 1] + direct[row, k, 2]
+                share = f32(1.0)
+                if lit > f32(0.0):
+                    first, nearest = np.uint32(place[i]), reference[i]
+                    below = first + np.uint32(size)
+                    a = f32(1.0) if flat[k, first] >= nearest else f32(0.0)
+                    b = f32(1.0) if flat[k, first + np.uint32(1)] >= nearest else f32(0.0)
+                    c = f32(1.0) if flat[k, below] >= nearest else f32(0.0)
+                    d = f32(1.0) if flat[k, below + np.uint32(1)] >= nearest else f32(0.0)
+                    upper, lower = a + (b - a) * across[i], c + (d - c) * across[i]
+                    share = upper + (lower - upper) * down[i]
+                visibility[block + i, k] = share

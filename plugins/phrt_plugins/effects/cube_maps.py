@@ -14,7 +14,7 @@ FACES = (
     ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
     ((0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
 )
-"""Direction and up of every face: +X -X +Y -Y +Z -Z. `phrt_plugins.effects.cube_kernels.cube_texel` is its inverse."""
+"""Direction and up of every face: +X -X +Y -Y +Z -Z. `phrt_plugins.effects.cube_kernels.cube_face` is its inverse."""
 
 
 NEAR = 0.01

@@ -28,9 +28,8 @@ class Shadows(RayEffect):
 
     def __init__(self, options: ShadowsOptions) -> None:
         self._options = options
-        mapped = options.fallback == "shadow_map"
-        self.history = HistoryRule(movers="to_lights", lights=True, fallback=mapped) if options.history else None
-        self._maps = ShadowMaps(options.map_size) if mapped else None
+        self.history = HistoryRule(movers="to_lights", lights=True) if options.history else None
+        self._maps = ShadowMaps(options.map_size) if options.fallback == "shadow_map" else None
 
     def applies_to(self, world: World) -> np.ndarray:
         materials = world.materials

@@ -9,7 +9,6 @@ import pytest
 from kernel_kit import unit
 
 from phrt.camera import CameraView, look_at
-from phrt.history import VALUES_AND_FALLBACKS, VALUES_ONLY
 from phrt.kernels.history import (
     NORMALS_AGREE,
     OFF_PLANE,
@@ -24,7 +23,7 @@ from phrt.kernels.history import (
 
 WIDTH, HEIGHT = 48, 32
 COUNT = WIDTH * HEIGHT
-NONE, FALLBACK, TRACED, HISTORY, KEPT = 0, 1, 2, 4, 5
+TRACED, HISTORY, NONE = 2, 4, 0
 
 
 def view_from(x: float, y: float = 1.5, z: float = 4.0, *, orthographic: bool = False) -> CameraView:
@@ -150,21 +149,14 @@ def chosen_twin(i: int, source: np.ndarray, slip: np.ndarray, mask: np.ndarray, 
     return best
 
 
-def choose(
-    now: CameraView,
-    then: CameraView,
-    mask: np.ndarray,
-    offset: np.ndarray,
-    applies: Any = (1, 1, 1),
-    codes: np.ndarray = VALUES_ONLY,
-) -> Any:
+def choose(now: CameraView, then: CameraView, mask: np.ndarray, offset: np.ndarray, applies: Any = (1, 1, 1)) -> Any:
     here, past = picture(now), picture(then)
     source, slip = matched(now, then)
     chosen, aside = np.full(COUNT, 99, np.int32), np.zeros((COUNT, 2), np.int8)
     choose_values(
         0, COUNT, source, slip, here["object_id"], here["material_id"], here["position"], here["normal"], here["depth"],
         past["object_id"], past["material_id"], past["position"], past["normal"], WIDTH, footprint_of(now),
-        np.array(applies, bool), codes, mask, offset, chosen, aside,
+        np.array(applies, bool), TRACED, HISTORY, mask, offset, chosen, aside,
     )  # fmt: skip
     return source, slip, chosen, aside
 
@@ -195,25 +187,6 @@ def test_the_value_traced_nearest_is_chosen(density: float) -> None:
     assert (chosen[source < 0] == -1).all()
 
 
-def test_fallbacks_are_chosen_only_where_nothing_traced_is_near_and_only_when_asked_for() -> None:
-    """Every second column was traced, the others hold fallbacks, half of them older ones."""
-    now, then = view_from(0.5), view_from(0.45, 1.5, 4.05)
-    column = np.arange(COUNT) % WIDTH
-    mask = np.where(column < WIDTH // 2, TRACED, np.where(column % 2, FALLBACK, KEPT)).astype(np.uint8)
-    offset = np.random.default_rng(5).integers(-40, 41, (COUNT, 2)).astype(np.int8)
-    _, _, values, _ = choose(now, then, mask, offset)
-    source, slip, both, aside = choose(now, then, mask, offset, codes=VALUES_AND_FALLBACKS)
-    np.testing.assert_array_equal(both[values >= 0], values[values >= 0])
-    more = np.flatnonzero((both >= 0) & (values < 0))
-    assert len(more) > COUNT // 8
-    assert np.isin(mask[both[more]], [FALLBACK, KEPT]).all()
-    for i in more:
-        j = both[i]
-        own = np.array([j % WIDTH - source[i] % WIDTH, j // WIDTH - source[i] // WIDTH]) - slip[i]
-        own = own + (offset[j] * float(STEP) if mask[j] == KEPT else 0)
-        np.testing.assert_allclose(aside[i] * float(STEP), own, atol=float(STEP) * 0.51)
-
-
 def test_nothing_is_chosen_where_the_effect_does_not_apply() -> None:
     view = view_from(0.5)
     mask, offset = np.full(COUNT, TRACED, np.uint8), np.zeros((COUNT, 2), np.int8)
@@ -235,7 +208,8 @@ def carried(**changes: Any) -> dict[str, Any]:
         "eyes": np.array([[0, 0, 1, 1]] * 9, np.float32),
         "parallax": np.float32(np.inf),
         "max_age": 255,
-        "codes": VALUES_ONLY,
+        "traced": TRACED,
+        "history": HISTORY,
         "past_layer": rng.random((4, 2)).astype(np.float32),
         "past_mask": np.array([TRACED, NONE, HISTORY, HISTORY], np.uint8),
         "past_age": np.array([77, 0, 5, 255], np.uint8),
@@ -254,14 +228,6 @@ def test_values_are_copied_and_their_age_counts_up() -> None:
     np.testing.assert_array_equal(out["layer"][[0, 1, 3]], out["past_layer"][[3, 2, 0]])
     np.testing.assert_array_equal(out["layer"][2], -1.0)
     np.testing.assert_array_equal(out["age"][[0, 1, 3]], [255, 6, 1])
-
-
-def test_a_fallback_stays_a_fallback() -> None:
-    past_mask = np.array([FALLBACK, KEPT, KEPT, TRACED], np.uint8)
-    out = carried(past_mask=past_mask, past_age=np.array([9, 9, 5, 9], np.uint8), codes=VALUES_AND_FALLBACKS)
-    np.testing.assert_array_equal(out["mask"], [HISTORY, KEPT, NONE, KEPT])
-    np.testing.assert_array_equal(out["age"][[0, 1, 3]], [1, 6, 1])
-    np.testing.assert_array_equal(out["layer"][[0, 1, 3]], out["past_layer"][[3, 2, 0]])
 
 
 def test_values_that_are_too_old_are_dropped() -> None:
@@ -306,7 +272,7 @@ def forget(ends: Any, spheres: Any, view: CameraView | None = None) -> tuple[np.
     eye = np.array([*view.world_from_view[:3, 3], 1.0], np.float32)
     number = forget_crossed(
         0, COUNT, WIDTH, here["position"], here["normal"], here["depth"], footprint_of(view), eye,
-        np.array(ends, np.float32), np.array(spheres, np.float32), NONE, np.float32(1.0), layer, mask,
+        np.array(ends, np.float32), np.array(spheres, np.float32), HISTORY, NONE, np.float32(1.0), layer, mask,
     )  # fmt: skip
     lost = mask != before
     assert number == lost.sum()
