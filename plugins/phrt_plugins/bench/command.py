@@ -1,4 +1,9 @@
-"""`phrt bench`: compares heuristics as a config says, and writes everything into a folder."""
+"""`phrt bench`: compares heuristics as a config says, and writes everything into a folder.
+
+Everything in the config is compared with everything: scenes, sizes, budgets, heuristics, tracers, G-buffers. Frames are judged
+against full tracing and against an oracle; --resume goes on where a run was stopped. docs/bench.md has every key.
+Example: `phrt bench scenes/benchmarks/smoke.yaml -o runs/smoke && phrt report runs/smoke`
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""`phrt report`: a comparison's folder as one HTML page, or as tables for a paper."""
+"""`phrt report`: a comparison's folder as one HTML page, or as tables for a paper.
+
+The page opens offline and holds everything: the verdict, leaderboards, figures with their data, pictures side by side. A
+run that is not finished gives a page that says so.
+Example: `phrt report runs/smoke -o smoke.html`, `phrt report runs/smoke --tables latex`
+"""
 
 from __future__ import annotations
 

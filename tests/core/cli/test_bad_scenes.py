@@ -239,7 +239,7 @@ def test_a_name_that_is_too_long(tmp_path: Path) -> None:
         ("prims:\n  A: {type: Reference, asset: scene.yaml}\n", "cycle"),
         (
             "prims:\n  A: {type: Reference, loader: atriun}\n",
-            "/A: there is no loader 'atriun'. Known: atrium, gltf, mesh. ",
+            "/A: there is no loader 'atriun'. Known: atrium, gltf, mesh, simplified. ",
         ),
         (
             "prims:\n  A: {type: Reference, loader: gltf}\n",

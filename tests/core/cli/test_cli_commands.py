@@ -222,6 +222,7 @@ def test_plugins_as_json_can_be_filtered(capsys: pytest.CaptureFixture[str]) -> 
         "atrium": "",
         "gltf": ".gltf .glb",
         "mesh": ".obj .ply .stl",
+        "simplified": "",
     }
 
 
