@@ -58,7 +58,7 @@ RUNNERS: dict[str, tuple[str, Mapping[str, object]]] = {
 class Lap:
     """One time up and down the path; means over its frames, times in ms as medians.
 
-    candidates, chosen: items a frame. moved: nodes that wait in the graph of the next frame when a frame ends (selection_graph).
+    candidates, chosen: items a frame. moved: nodes not selected, which wait in the graph of the next frame (selection_graph).
     kilorays: of the ray phase. selection_ms: what the heuristic took. heuristic_kb: all that it holds on to at the lap's
     end. resident_mb: of the whole process. objects: that Python's collector knows of.
     """

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from phrt_plugins.metrics.flip import flip_map
-from phrt_plugins.metrics.packages import missing_packages
 from phrt_plugins.metrics.pictures import mean_over
 from phrt_plugins.metrics.ssim import inside, ssim_map
 
-__all__ = ["Quality", "compare", "compare_all", "missing_packages"]
+NEEDED = ("flip_evaluator", "skimage")
+"""Modules that judge pictures."""
 
 
 @dataclass(frozen=True)

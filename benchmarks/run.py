@@ -37,6 +37,7 @@ from phrt import Scene, load_scene
 from phrt.errors import PhrtWarning
 from phrt.registry import get_registry
 from phrt_backends.availability import embree_reason
+from phrt_plugins.packages import missing_packages
 
 PROJECT = Path(__file__).resolve().parent.parent
 SCENE = PROJECT / "scenes" / "sponza_armadillo.yaml"
@@ -333,7 +334,7 @@ def arguments_of(given: Sequence[str] | None) -> argparse.Namespace:
         parser.error(f"PHRT_ASSETS is {arguments.assets}, where these are missing: {', '.join(missing)}")
     if reason := embree_reason():
         parser.error(f"the tracer 'embree' is not available: {reason}")
-    if set(arguments.rows) & set(BUDGET_ROWS) and (missing := quality.missing_packages()):
+    if set(arguments.rows) & set(BUDGET_ROWS) and (missing := missing_packages(*quality.NEEDED)):
         parser.error(f"rows 6 to 8 compare pictures with {', '.join(missing)}: install the extra `bench`")
     return arguments
 

@@ -9,10 +9,9 @@ from phrt_plugins.effects.options import (
     RefractionsOptions,
     ShadowsOptions,
 )
-from phrt_plugins.loaders.availability import simplification_unavailable
 from phrt_plugins.loaders.options import AtriumOptions, GltfOptions, MeshOptions, SimplifiedOptions
 from phrt_plugins.metrics.options import FlipOptions, RelMseOptions
-from phrt_plugins.metrics.packages import flip_reason, ssim_reason
+from phrt_plugins.packages import flip_reason, simplification_reason, ssim_reason
 
 
 @hookimpl
@@ -77,7 +76,7 @@ def phrt_loaders() -> list[LoaderPlugin]:
             summary="What another loader reads, with a share of its triangles.",
             factory="phrt_plugins.loaders.simplify:SimplifiedLoader",
             options=SimplifiedOptions,
-            unavailable_reason=simplification_unavailable,
+            unavailable_reason=simplification_reason,
         ),
     ]
 

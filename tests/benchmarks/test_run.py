@@ -190,7 +190,8 @@ def test_wrong_command_line_ends_with_one_clear_message(arguments, with_assets, 
 def test_a_package_that_is_missing_is_told_before_the_first_frame(module, assets, monkeypatch, capsys):
     run = module("run")
     packages = {"numpy": "numpy", "no_such_module": "no-such-package"}
-    monkeypatch.setattr("phrt_plugins.metrics.packages.PACKAGES", packages)
+    monkeypatch.setattr("phrt_plugins.packages.PACKAGES", packages)
+    monkeypatch.setattr("quality.NEEDED", tuple(packages))
     monkeypatch.setenv("PHRT_ASSETS", str(assets))
     with pytest.raises(SystemExit) as ended:
         run.arguments_of(["--rows", "4,7"])

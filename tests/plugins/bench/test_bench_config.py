@@ -108,7 +108,7 @@ def test_a_wrong_scene_is_named(tmp_path: Path, entry: str, said: str) -> None:
 def test_simplifying_needs_its_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from phrt_plugins.bench import checks
 
-    monkeypatch.setattr(checks, "simplification_unavailable", lambda: "fast-simplification is not installed")
+    monkeypatch.setattr(checks, "simplification_reason", lambda: "fast-simplification is not installed")
     said = problem(tmp_path, MINIMAL.replace("[balls.yaml]", "[{scene: balls.yaml, simplify: 0.5}]"))
     assert "scenes[0].simplify: meshes cannot be simplified here: fast-simplification is not installed" in said
 

@@ -11,7 +11,7 @@ from phrt import OptionError, SceneError, load_scene
 from phrt.description.shapes import icosphere
 from phrt.model import Mesh
 from phrt.splitting import split_mesh, weld
-from phrt_plugins.loaders import availability
+from phrt_plugins import packages
 from phrt_plugins.loaders.decimate import TOLERANCE, decimated, point_triangle_distance
 from phrt_plugins.loaders.simplify import simplification, simplified
 
@@ -204,7 +204,7 @@ def test_a_share_is_above_0_and_at_most_1(share: float) -> None:
 
 
 def test_a_missing_library_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(availability, "find_spec", lambda name: None)
+    monkeypatch.setattr(packages, "find_spec", lambda name: None)
     scene = load_scene(ROOT / "scenes" / "furnace.yaml")
     with pytest.raises(OptionError, match=r"'fast_simplification' is not installed: pip install 'phrt\[bench\]'"):
         simplified(scene, 0.5)

@@ -150,7 +150,7 @@ def test_two_metrics_cannot_have_the_same_column() -> None:
 
 
 def test_a_metric_whose_package_is_missing_is_left_out_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("phrt_plugins.metrics.packages.find_spec", lambda name: None)
+    monkeypatch.setattr("phrt_plugins.packages.find_spec", lambda name: None)
     missing = "the Python package 'flip-evaluator' is not installed: pip install 'phrt\\[bench\\]'"
     with pytest.warns(PhrtWarning) as told:
         made = make_metrics()
