@@ -6,10 +6,9 @@ Where that was meant, write the file anew, look at the difference, and commit it
 
     .venv/bin/python tests/plugins/bench/test_smoke_decisions.py --write
 
-Processors round differently, so that a ray more or less hits something here and there. The scenes were chosen so that this changes
-no decision: the file is the same with Embree's code for SSE2, SSE4.2, AVX2 and AVX-512, and with kernels compiled for any x86-64
-processor. Budgets are of rays for that: times of a clock of rays are fitted, and a ray more or less changes the fit, and with it what
-`gain` decides next.
+Processors round differently, so that a ray more or less hits something here and there. Scenes and budgets were chosen so that this
+changes no decision: the file is the same with kernels compiled for this processor and for any x86-64 one. Budgets are of rays for
+that: times of a clock of rays are fitted, one ray more changes the fit, and with it what `gain` decides next.
 Writing tells how many lines change when the budget is a thousandth smaller or larger: a measure of how near the file is to others.
 """
 
