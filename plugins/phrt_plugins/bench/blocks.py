@@ -77,10 +77,11 @@ def run_block(
         judged = block.judged(setup.judge_every)
         with spent.on("metrics"):
             found = shots(images, judges.references, judged, setup.tone_map, renderer.workers)
-            shown: dict[int, np.ndarray] = {}
-            columns = measure_shots(judges.metrics, _keeping(found, setup.kept_pictures(), shown))
+            displays: dict[int, np.ndarray] = {}
+            columns = measure_shots(judges.metrics, _keeping(found, displays))
         write_measures(part / "measures.parquet", judged, columns)
-        write_pictures(part / "pictures", {f"frame-{number:06d}.png": picture for number, picture in shown.items()})
+        shown = worth_a_look(setup.kept_pictures(), judged, columns)
+        write_pictures(part / "pictures", {f"frame-{k:06d}.png": displays[k] for k in displays if k in shown})
 
 
 def render_block(
@@ -146,6 +147,14 @@ def contained(renderer: Renderer) -> Iterator[Callable[..., None]]:
         warnings.warn(warning.message, stacklevel=3)
 
 
+def worth_a_look(kept: set[int], judged: Sequence[int], columns: Mapping[str, np.ndarray]) -> set[int]:
+    """The frames whose pictures are `kept`, and the worst of those that were `judged`; none where none are to be kept."""
+    errors = next((columns[name] for name in ("flip", "display_error") if name in columns), None)
+    if not kept or errors is None or not np.isfinite(errors).any():
+        return kept
+    return kept | {judged[int(np.nanargmax(errors))]}
+
+
 def write_measures(path: Path, judged: Sequence[int], columns: Mapping[str, np.ndarray]) -> None:
     """A row per judged frame: its number, and a column each. Raises OSError."""
     arrow = import_arrow()
@@ -163,11 +172,10 @@ def write_pictures(folder: Path, pictures: Mapping[str, np.ndarray]) -> None:
         write_png(folder / name, picture)
 
 
-def _keeping(found: Any, wanted: set[int], shown: dict[int, np.ndarray]) -> Iterator[Any]:
-    """The shots, one at a time; what is shown of the `wanted` ones goes into `shown`."""
+def _keeping(found: Any, displays: dict[int, np.ndarray]) -> Iterator[Any]:
+    """The shots, one at a time; what they show goes into `displays`."""
     for shot in found:
-        if shot.index in wanted:
-            shown[shot.index] = shot.display
+        displays[shot.index] = shot.display
         yield shot
 
 
