@@ -17,7 +17,7 @@ FIRST_HEADROOM, LARGEST_HEADROOM = 0.04, 0.25
 RECENT_FRAMES = 9
 """What follows the ray phase is expected to take the median of so many frames: capturing probes once is no habit."""
 
-LEAST_SHARE, LEAST_MS = 0.04, 2.0
+LEAST_SHARE, LEAST_MS = 0.08, 4.0
 """A frame that is late whatever is traced gives rays this share of its budget, but no more than so many ms: earlier values, which
 take the place of dear fallbacks, must come from somewhere."""
 
