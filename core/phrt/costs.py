@@ -34,6 +34,10 @@ FORGET_WAVE = 0.9
 SLOWEST = 10.0
 """What takes longer than so many times what was expected was interrupted, or compiled kernels: it counts as if it took that."""
 
+EASE = 0.95
+"""An effect of which a frame traced nothing is expected to take this much of what it was, down to the defaults: what was once found
+too dear would never be traced again, and so never be found cheaper."""
+
 _LIGHTEST = 1000.0
 """Rays below which a group does not weigh more: the times of tiny groups are noise."""
 _PRIOR = 0.01
@@ -67,6 +71,14 @@ class LinearFit:
         # Sums over the measurements: weight, weight * rays, weight * rays^2; weight * ms, weight * rays * ms. As the weight is
         # 1 / rays, the second is how many batches there were, and the third their rays.
         self._sums = np.zeros(5)
+
+    def ease(self) -> None:
+        """Nothing was measured in a frame: expect a little less, but no less than the defaults."""
+        usual = DEFAULT_MS_PER_BATCH + DEFAULT_MS_PER_RAY * LARGE_BATCH_RAYS
+        if self.per_batch + self.per_ray * LARGE_BATCH_RAYS > usual:
+            self.per_batch, self.per_ray = EASE * self.per_batch, EASE * self.per_ray
+            self._start = EASE * self._start[0], EASE * self._start[1]
+            self._sums[3:] *= EASE
 
     @property
     def per_ray_of_item(self) -> float:
@@ -104,6 +116,7 @@ class CostModels:
         self._fits = [LinearFit() for _ in self._names]
         self._paper_ms, self._paper_rays, self._paper_units = 0.0, 0.0, 0.0
         self.wave_ms = 0.0
+        self._measured: set[int] = set()
 
     def __len__(self) -> int:
         """How many effects."""
@@ -114,9 +127,17 @@ class CostModels:
         for group in groups:
             if group.milliseconds > 0 and group.rays > 0:
                 self._fits[group.effect].learn(group.rays, group.milliseconds)
+                self._measured.add(group.effect)
         self._paper_ms = FORGET * self._paper_ms + sum(group.milliseconds for group in groups)
         self._paper_rays = FORGET * self._paper_rays + sum(group.rays for group in groups)
         self._paper_units = FORGET * self._paper_units + sum(group.cost_units for group in groups)
+
+    def end_frame(self) -> None:
+        """The frame's ray phase is over."""
+        for effect, fit in enumerate(self._fits):
+            if effect not in self._measured:
+                fit.ease()
+        self._measured.clear()
 
     def learn_wave(self, milliseconds: float) -> None:
         """A wave took so much besides its batches."""

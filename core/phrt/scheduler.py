@@ -115,6 +115,8 @@ class BudgetScheduler(Scheduler):
             spent = spent + traced if unit == "rays" else now - started
             self._costs.learn_wave(now - before - batches_ms)
         asking.end()
+        if not self.each_alone:
+            self._costs.end_frame()
         for index, effect in enumerate(effects):
             if self._faults.is_off(effect):
                 ledger.discard(index)

@@ -109,3 +109,23 @@ def test_coefficients_outlive_a_run() -> None:
     }
     other.learn([GroupCost(0, 50_000, 1, 50.0)])
     assert other.coefficients()["reflections"]["ms_per_ray"] == pytest.approx(1e-3, rel=0.05), "a start, not a belief"
+
+
+def test_what_was_found_too_dear_is_tried_again_some_day() -> None:
+    """An effect that is not traced is expected to take less and less, down to what is usual; what is measured is believed again."""
+    models = CostModels(["dear", "traced"])
+    models.warm({"dear": {"ms_per_item": 5.0, "ms_per_ray": 0.02}, "traced": {"ms_per_item": 0.1, "ms_per_ray": 3e-4}})
+    rays, effect = np.array([10_000.0, 10_000.0]), np.array([0, 1])
+    first = models.measured_ms(effect, rays)
+    for _ in range(200):
+        models.learn([GroupCost(1, 10_000, 1.0, 3.1)])
+        models.end_frame()
+    later = models.measured_ms(effect, rays)
+    assert first[0] > 200
+    usual = DEFAULT_MS_PER_RAY * 10_000
+    assert 0.9 * usual < later[0] < 1.5 * usual
+    assert later[1] == pytest.approx(3.1, rel=0.15)
+    for _ in range(30):
+        models.learn([GroupCost(0, 10_000, 1.0, 20.0)])
+        models.end_frame()
+    assert models.measured_ms(effect, rays)[0] == pytest.approx(20.0, rel=0.3)
