@@ -91,4 +91,4 @@ def test_the_ray_phase_gets_what_is_left() -> None:
     assert pace.ray_budget_ms(50.0, 20.0) == pytest.approx(50 - 20 - FIRST_HEADROOM * 50)
     pace.finished(50.0, 40.0, 10.0)
     assert pace.ray_budget_ms(50.0, 20.0) == pytest.approx(50 - 20 - 10 - pace.headroom_ms(50.0))
-    assert pace.ray_budget_ms(25.0, 20.0) < 2
+    assert pace.ray_budget_ms(25.0, 20.0) == pytest.approx(LEAST_SHARE * 25)

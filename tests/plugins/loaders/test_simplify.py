@@ -206,7 +206,7 @@ def test_a_share_is_above_0_and_at_most_1(share: float) -> None:
 def test_a_missing_library_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(packages, "find_spec", lambda name: None)
     scene = load_scene(ROOT / "scenes" / "furnace.yaml")
-    with pytest.raises(OptionError, match=r"'fast_simplification' is not installed: pip install 'phrt\[bench\]'"):
+    with pytest.raises(OptionError, match=r"'fast-simplification' is not installed: pip install 'phrt\[bench\]'"):
         simplified(scene, 0.5)
     with pytest.raises(SceneError, match=r"loader 'simplified' is not available here: .*pip install 'phrt\[bench\]'"):
         load_scene(written(tmp_path, "loader: simplified, options: {of: atrium}"))
