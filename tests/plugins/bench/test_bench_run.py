@@ -101,7 +101,7 @@ def test_pictures_lie_where_reports_look(finished: Path) -> None:
     worst = set()
     for block in mine.glob("block-*"):
         measures = table(block / "measures.parquet")
-        worst.add(f"frame-{measures['frame'][int(np.argmax(measures['flip']))]:06d}.png")
+        worst.add(f"frame-{measures['frame'][int(np.argmax(measures['display_error']))]:06d}.png")
     assert {path.name for path in mine.rglob("*.png")} == chosen | worst
 
 
