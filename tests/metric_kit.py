@@ -9,7 +9,6 @@ import needs
 import numpy as np
 
 from phrt.interfaces.metric import Metric, RunFrames, Shot
-from phrt.output.tonemap import linear_from_srgb
 from phrt_plugins.metrics.measure import make_metrics
 
 SHAPE = (36, 64, 3)
@@ -30,19 +29,6 @@ def waves(shift: float = 0.0, shape: tuple[int, ...] = SHAPE) -> np.ndarray:
     y, x = np.mgrid[: shape[0], : shape[1]]
     value = 0.5 + 0.3 * np.sin((x - shift) / 5.0) + 0.1 * np.cos(y / 4.0)
     return np.repeat(np.round(value[..., None] * 255).astype(np.uint8), 3, axis=2)
-
-
-def shot(display: np.ndarray, reference: np.ndarray, /, **fields: Any) -> Shot:
-    """Frame 5 of these displays; the linear pictures are those that the displays decode to, all pixels are changeable."""
-    made: dict[str, Any] = {
-        "index": 5,
-        "image": linear_from_srgb(display / 255.0).astype(np.float32),
-        "display": display,
-        "reference": linear_from_srgb(reference / 255.0).astype(np.float32),
-        "reference_display": reference,
-        "changeable": np.ones(display.shape[:2], bool),
-    }
-    return Shot(**(made | fields))
 
 
 def metric(name: str, **options: object) -> Metric:

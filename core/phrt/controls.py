@@ -9,7 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from phrt.budget import UNLIMITED, Budget, parse_budget
 from phrt.errors import OptionError, PhrtWarning, did_you_mean
@@ -78,7 +78,8 @@ def changed(controls: Controls, changes: Mapping[str, object], scene: Scene) -> 
     for name in changes:
         if name not in FIELDS:
             raise OptionError(f"no control '{name}'; there are {', '.join(FIELDS)}.{did_you_mean(name, list(FIELDS))}")
-    return replace(controls, **{name: _checked(name, value, scene) for name, value in changes.items()})  # type: ignore[arg-type]
+    checked: dict[str, Any] = {name: _checked(name, value, scene) for name, value in changes.items()}
+    return replace(controls, **checked)
 
 
 def _checked(name: str, value: object, scene: Scene) -> object:
@@ -145,8 +146,8 @@ def known_situations(scene: Scene) -> list[str]:
 def in_force(given: Controls, track: Sequence[ControlKey], time: float, scene: Scene) -> Conditions:
     """What holds at `time` seconds: each field from `given`, else from the last key of `track` (rising times) that has come
     and says something of it, else the default, which is the loaded variant for the situation."""
-    settled: dict[str, object] = {"situation": scene.situation}
+    settled: dict[str, Any] = {"situation": scene.situation}
     for controls in (*(key.controls for key in track if key.time <= time), given):
         settled |= {name: value for name in FIELDS if (value := getattr(controls, name)) is not None}
     settled["budget"] = parse_budget(settled.get("budget"))
-    return Conditions(**settled)  # type: ignore[arg-type]
+    return Conditions(**settled)

@@ -113,8 +113,10 @@ def default_use(entry: RegisteredPlugin) -> str:
 def manual_page(entry: RegisteredPlugin) -> str:
     """The docstring on top of the plugin's file, read without importing it; empty when there is none."""
     try:
-        spec = importlib.util.find_spec(entry.plugin.factory.partition(":")[0])
-        source = spec.loader.get_source(spec.name) if spec and hasattr(spec.loader, "get_source") else None  # type: ignore[union-attr]
+        module = entry.plugin.factory.partition(":")[0]
+        spec = importlib.util.find_spec(module)
+        get_source = getattr(spec.loader if spec else None, "get_source", None)
+        source = get_source(module) if get_source else None
         return ast.get_docstring(ast.parse(source)) or "" if source else ""
     except (ImportError, ValueError, SyntaxError):
         return ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -199,7 +200,8 @@ class Builder:
         for slot in texture_slots(prim):
             texture = getattr(prim, slot)
             ref = None if texture is None else self._texture(texture, path, value.mark_of((slot, "asset")))
-            material = replace(material, **{slot: ref})  # type: ignore[arg-type]
+            named: dict[str, Any] = {slot: ref}
+            material = replace(material, **named)
         return material
 
     def _texture(self, texture: Texture, path: str, mark: Mark) -> TextureRef | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 
@@ -137,11 +138,11 @@ def interpolated(times: np.ndarray, values: np.ndarray, at: np.ndarray, how: Int
 
 def _vector_track(node: int, target: str, times: np.ndarray, values: np.ndarray, how: Interpolation) -> Track:
     values = values.astype(np.float64)
-    kind = "scale" if target == "scale" else "translation"
+    kind: Literal["scale", "translation"] = "scale" if target == "scale" else "translation"
     if how == "smooth":
         slopes = tangents(times, values)
-        return Track(node, kind, times, np.stack([slopes, values, slopes], axis=1), "cubic")  # type: ignore[arg-type]
-    return Track(node, kind, times, values, how)  # type: ignore[arg-type]
+        return Track(node, kind, times, np.stack([slopes, values, slopes], axis=1), "cubic")
+    return Track(node, kind, times, values, how)
 
 
 def _angle_track(node: int, times: np.ndarray, degrees: np.ndarray, how: Interpolation) -> Track:

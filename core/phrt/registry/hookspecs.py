@@ -20,35 +20,35 @@ hookimpl = pluggy.HookimplMarker(PROJECT)
 
 
 @hookspec
-def phrt_gbuffers() -> list[GBufferPlugin]:  # type: ignore[empty-body]
+def phrt_gbuffers() -> list[GBufferPlugin]:
     """G-buffer producers."""
 
 
 @hookspec
-def phrt_tracers() -> list[TracerPlugin]:  # type: ignore[empty-body]
+def phrt_tracers() -> list[TracerPlugin]:
     """Tracers."""
 
 
 @hookspec
-def phrt_effects() -> list[EffectPlugin]:  # type: ignore[empty-body]
+def phrt_effects() -> list[EffectPlugin]:
     """Ray effects."""
 
 
 @hookspec
-def phrt_heuristics() -> list[HeuristicPlugin]:  # type: ignore[empty-body]
+def phrt_heuristics() -> list[HeuristicPlugin]:
     """Heuristics."""
 
 
 @hookspec
-def phrt_loaders() -> list[LoaderPlugin]:  # type: ignore[empty-body]
+def phrt_loaders() -> list[LoaderPlugin]:
     """Scene loaders."""
 
 
 @hookspec
-def phrt_metrics() -> list[MetricPlugin]:  # type: ignore[empty-body]
+def phrt_metrics() -> list[MetricPlugin]:
     """Image metrics, for the harness that compares heuristics; nothing asks for one yet."""
 
 
 @hookspec
-def phrt_commands() -> list[CommandPlugin]:  # type: ignore[empty-body]
+def phrt_commands() -> list[CommandPlugin]:
     """Commands of the `phrt` command line."""

@@ -103,9 +103,9 @@ class Tally:
         self._passes = np.zeros(len(work), np.int64)
         self._done = np.zeros(len(work))
 
-    def request(self, answer: object) -> Request:
+    def request(self, answer: Any) -> Request:
         """What `next` returned, as a request for an item of the frame."""
-        request = answer if isinstance(answer, Request) else Request(answer)  # type: ignore[arg-type]
+        request = answer if isinstance(answer, Request) else Request(answer)
         try:
             item, passes = operator.index(request.item), operator.index(request.passes)
         except TypeError:

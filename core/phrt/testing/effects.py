@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from pydantic import BaseModel
@@ -39,8 +40,13 @@ def check_effect(effect: Given, options: Mapping[str, object] | BaseModel | None
     for case, world in (("a lit room", room(True)), ("a room without lights", room(False))):
         with frame_of(world, view(), seed=5) as frame:
             # Each world is a run of its own: what an effect keeps of a scene is not kept from one to the next.
-            anywhere |= contract.call("an effect's frame", lambda: _Check(contract, make(), frame, case).all(), case)  # noqa: B023
+            anywhere |= contract.call("an effect's frame", partial(_applies_anywhere, make, frame, case), case)
     contract.holds(anywhere, "it applies to some of: stone, mirror, glass, a textured or a glossy surface")
+
+
+def _applies_anywhere(make: Maker, frame: Frame, case: str) -> bool:
+    """Every rule in one frame. Does the effect apply to anything in it?"""
+    return _Check(make.contract, make(), frame, case).all()
 
 
 def room(lit: bool) -> World:

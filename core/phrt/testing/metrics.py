@@ -49,7 +49,7 @@ def check_metric(
 # Examples
 
 
-def shot_of(display: np.ndarray, reference: np.ndarray, **changes: Any) -> Shot:
+def shot_of(display: np.ndarray, reference: np.ndarray, /, **changes: Any) -> Shot:
     """A frame of these displays (H, W, 3) uint8; the linear pictures are what they decode to, all pixels are changeable."""
     made: dict[str, Any] = {
         "index": 5,

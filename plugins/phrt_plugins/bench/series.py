@@ -20,6 +20,7 @@ from phrt_plugins.bench.results import BenchRun, Blocks
 from phrt_plugins.bench.statistics import Statistic
 from phrt_plugins.metrics.costs import errors_by_frame
 from phrt_plugins.metrics.flips import flips_by_frame
+from phrt_plugins.metrics.pacing import jitter_by_frame, late_by_frame, times_by_frame
 from phrt_plugins.metrics.tables import ray_phase_rays
 
 
@@ -109,22 +110,6 @@ class RunColumn:
     per_frame: Callable[[RunFrames], np.ndarray]
 
 
-def _times(frames: RunFrames) -> np.ndarray:
-    return np.asarray(frames.columns["clock_ms"], np.float64)
-
-
-def _late(frames: RunFrames) -> np.ndarray:
-    """1 where late, 0 where in time, NaN without a budget for the frame."""
-    limited = np.isfinite(np.asarray(frames.columns["deadline_ms"], np.float64))
-    return np.where(limited, np.asarray(frames.columns["late"], np.float64), np.nan)
-
-
-def _jitter(frames: RunFrames) -> np.ndarray:
-    """|time less that of the frame before|; NaN for a block's first."""
-    times = _times(frames)
-    return np.where(frames.follows(), np.abs(np.diff(times, prepend=times[:1])), np.nan)
-
-
 def _flips(frames: RunFrames) -> np.ndarray:
     return flips_by_frame(frames)[:, 0]
 
@@ -142,12 +127,12 @@ def _error_paper(frames: RunFrames) -> np.ndarray:
 
 
 RUN_COLUMNS: dict[str, RunColumn] = {
-    "frame_ms_p50": RunColumn("p50", _times),
-    "frame_ms_p95": RunColumn("p95", _times),
-    "frame_ms_p99": RunColumn("p99", _times),
-    "fps": RunColumn("rate", _times),
-    "late_share": RunColumn("share", _late),
-    "jitter": RunColumn("mean", _jitter),
+    "frame_ms_p50": RunColumn("p50", times_by_frame),
+    "frame_ms_p95": RunColumn("p95", times_by_frame),
+    "frame_ms_p99": RunColumn("p99", times_by_frame),
+    "fps": RunColumn("rate", times_by_frame),
+    "late_share": RunColumn("share", late_by_frame),
+    "jitter": RunColumn("mean", jitter_by_frame),
     "rays": RunColumn("mean", ray_phase_rays),
     "decision_flips": RunColumn("mean", _flips),
     "flips_area": RunColumn("mean", _flips_area),

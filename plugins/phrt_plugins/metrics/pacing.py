@@ -55,25 +55,41 @@ class Pacing(Metric):
     def of_run(self, frames: RunFrames) -> dict[str, float]:
         if not len(frames):
             return {}
-        times = numbers(frames, "clock_ms")
+        times = times_by_frame(frames)
         found = {f"frame_ms_p{percentile}": float(np.percentile(times, percentile)) for percentile in PERCENTILES}
         found["rays"] = float(ray_phase_rays(frames).mean())
         if times.sum() > 0:
             found["fps"] = float(1e3 / times.mean())
-        if (follows := frames.follows()).any():
-            found["jitter"] = float(np.abs(np.diff(times, prepend=times[:1]))[follows].mean())
+        if frames.follows().any():
+            found["jitter"] = float(np.nanmean(jitter_by_frame(frames)))
         return found | lateness(frames) | overrun(frames)
+
+
+def times_by_frame(frames: RunFrames) -> np.ndarray:
+    """(n,) milliseconds."""
+    return numbers(frames, "clock_ms")
+
+
+def late_by_frame(frames: RunFrames) -> np.ndarray:
+    """(n,) 1 where late, 0 where in time, NaN without a budget for the whole frame."""
+    limited = np.isfinite(numbers(frames, "deadline_ms"))
+    return np.where(limited, numbers(frames, "late") > 0, np.nan)
+
+
+def jitter_by_frame(frames: RunFrames) -> np.ndarray:
+    """(n,) |time - the time of the frame before|, milliseconds; NaN for a block's first."""
+    times = times_by_frame(frames)
+    return np.where(frames.follows(), np.abs(np.diff(times, prepend=times[:1])), np.nan)
 
 
 def lateness(frames: RunFrames) -> dict[str, float]:
     """late_share and late_streak of the frames that have a budget for the whole frame."""
-    judged = np.isfinite(numbers(frames, "deadline_ms"))
-    if not judged.any():
+    late = late_by_frame(frames)
+    if np.isnan(late).all():
         return {}
-    late = numbers(frames, "late") > 0
     return {
-        "late_share": float(late[judged].mean()),
-        "late_streak": float(longest_streak(late & judged, frames.follows())),
+        "late_share": float(np.nanmean(late)),
+        "late_streak": float(longest_streak(late == 1, frames.follows())),
     }
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import needs
 import numpy as np
 import pytest
-from metric_kit import SHAPE, codes, found, noise, shot, waves
+from metric_kit import SHAPE, codes, found, noise, waves
 
 from phrt.errors import OptionError
+from phrt.testing.metrics import shot_of as shot
 from phrt_plugins.metrics.flip import flip_map
 from phrt_plugins.metrics.measure import make_metrics
 

@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from metric_kit import SHAPE, codes, noise, run_of, shot, waves
+from metric_kit import SHAPE, codes, noise, run_of, waves
 
 import phrt
 from phrt.errors import OptionError, PhrtWarning, PluginError
 from phrt.interfaces.metric import Column, Metric, RunFrames, Shot
 from phrt.registry import MetricPlugin, Options, get_registry
+from phrt.testing.metrics import shot_of as shot
 from phrt_plugins.metrics.measure import all_columns, check_size, make_metrics, measure_run, measure_shots
 
 COLUMN = Column("mean_code", "mean code of the display", "", "neither")

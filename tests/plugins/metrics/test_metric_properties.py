@@ -12,9 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from metric_kit import found, run_of, shot
+from metric_kit import found, run_of
 
 from phrt.interfaces.metric import RunFrames, Shot
+from phrt.testing.metrics import shot_of as shot
 
 for package in ("flip_evaluator", "skimage"):
     needs.package(package)

@@ -7,8 +7,9 @@ import math
 import needs
 import numpy as np
 import pytest
-from metric_kit import SHAPE, codes, found, noise, shot, waves
+from metric_kit import SHAPE, codes, found, noise, waves
 
+from phrt.testing.metrics import shot_of as shot
 from phrt_plugins.metrics.ssim import inside, ssim_map
 
 needs.package("skimage")

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from metric_kit import SHAPE, codes, found, noise, shot, waves
+from metric_kit import SHAPE, codes, found, noise, waves
 
 import phrt
 from phrt.output.tonemap import to_8bit
+from phrt.testing.metrics import shot_of as shot
 from phrt_plugins.metrics.temporal import bilinear, compensated_difference
 
 
