@@ -8,6 +8,17 @@ from dataclasses import dataclass
 from pydantic import BaseModel, ConfigDict
 
 PLUGIN_API_VERSION = 1
+"""What plugins are written against: the hooks, the descriptors, `phrt.interfaces`, and the plain data that these hand over.
+
+It grows by one when a plugin that follows the documentation could break: a name goes away, an argument or its meaning changes, a
+method has to be written that had not to be. What is only added (an optional method with a default, a field at the end of a
+dataclass, a hook) changes nothing. See docs/plugins.md."""
+
+OLDEST_API_VERSION = 1
+"""The oldest one that is still accepted. Each is, for at least a year after the next one came out."""
+
+FIRST_API_VERSION = 1
+"""What a descriptor that says nothing was written for: it must not claim what came later."""
 
 
 class Options(BaseModel):
@@ -23,15 +34,19 @@ def always_available() -> str | None:
 
 @dataclass(frozen=True)
 class Plugin:
-    """name: what configs say. summary: one line. factory: "module:Class", imported when first used and called with
-    the options. unavailable_reason: None, or why it cannot run here and what to install; it imports nothing heavy."""
+    """name: what configs say. summary: one line. factory: "module:Class", imported when first used and called with the options.
+    options: their model; a unit goes into `Field(..., json_schema_extra={"unit": "metres"})`.
+    unavailable_reason: None, or why it cannot run here and what to install; it imports nothing heavy.
+    api_version: the plugin API that it was written for; one newer than `PLUGIN_API_VERSION` is refused, and so is one older than
+    `OLDEST_API_VERSION`.
+    """
 
     name: str
     summary: str
     factory: str
     options: type[Options] = Options
     unavailable_reason: Callable[[], str | None] = always_available
-    api_version: int = PLUGIN_API_VERSION
+    api_version: int = FIRST_API_VERSION
 
 
 @dataclass(frozen=True)

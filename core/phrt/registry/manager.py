@@ -21,6 +21,7 @@ import pluggy
 from phrt.errors import PhrtError, PhrtWarning, PluginError, did_you_mean
 from phrt.registry import hookspecs
 from phrt.registry.descriptors import (
+    OLDEST_API_VERSION,
     PLUGIN_API_VERSION,
     CommandPlugin,
     EffectPlugin,
@@ -46,6 +47,9 @@ KINDS: dict[str, type[Plugin]] = {
     "command": CommandPlugin,
 }
 """Every kind of plugin and its descriptor, in the order they are listed. The hook of kind X is `phrt_Xs`."""
+
+CORE_COMMANDS = ("render", "analyze", "explain", "plugins", "new", "doctor", "schema")
+"""What `phrt` can do without any plugin. These names cannot be taken."""
 
 Origin = Literal["built-in", "installed", "registered"]
 
@@ -122,11 +126,17 @@ class Registry:
         return self.find(kind, name).plugin
 
     def loader_for(self, suffix: str) -> LoaderPlugin | None:
-        """The loader of files that end in `suffix` (with the dot, any case), or None."""
-        for entry in self.plugins("loader"):
-            if isinstance(entry.plugin, LoaderPlugin) and suffix.lower() in entry.plugin.suffixes:
-                return entry.plugin
-        return None
+        """The loader of files that end in `suffix` (with the dot, any case), or None. What a built-in one reads stays its own.
+
+        Raises PluginError where several others claim such files.
+        """
+        claims = [e for e in self.plugins("loader") if suffix.lower() in getattr(e.plugin, "suffixes", ())]
+        claims = [e for e in claims if e.origin == "built-in"] or claims
+        if len(claims) > 1:
+            named = " and ".join(f"'{e.name}' of '{e.owner}'" for e in claims)
+            raise PluginError(f"'{suffix}' files are claimed by the loaders {named}; name one of them by `loader:`")
+        found = claims[0].plugin if claims else None
+        return found if isinstance(found, LoaderPlugin) else None
 
     def create(self, kind: str, name: str, options: Mapping[str, object] | None = None, **dependencies: object) -> Any:
         """Make it: options are checked, the factory imported and called with them and `dependencies`.
@@ -151,21 +161,27 @@ class Registry:
     def register(self, plugin: object, owner: str | None = None, version: str = "") -> None:
         """Add a module, an object with hook methods, or a single descriptor, from a notebook or `--plugin`.
 
-        The same owner registering again replaces what it registered before. Raises PluginError when it is refused.
+        The same owner registering again replaces all that it registered before; a single descriptor without an owner replaces the
+        one of its name from the same module. Raises PluginError when it is refused, and then nothing has changed.
         """
+        alone = isinstance(plugin, Plugin) and owner is None
         owner = owner or default_owner(plugin)
-        self._forget(owner)
+        version = version or str(getattr(plugin, "__version__", ""))
         source = single_descriptor(plugin) if isinstance(plugin, Plugin) else plugin
-        entries = self._collect(source, owner, "registered", version)
-        for entry in entries:
-            clash = self._plugins.get((entry.kind, entry.name))
-            if clash is not None:
-                self._manager.unregister(name=owner)
+        entries = {
+            (e.kind, e.name): e for e in checked_entries(self._offered(source, owner), owner, "registered", version)
+        }
+        replaced = [key for key in self._registered_by(owner) if not alone or key in entries]
+        for key, entry in entries.items():
+            clash = self._plugins.get(key)
+            if clash is not None and key not in replaced:
                 raise PluginError(
                     f"{entry.kind} '{entry.name}' of '{owner}' is refused: {clash.source} "
                     f"('{clash.owner}') already has that name. Choose another name."
                 )
-        self._plugins.update({(entry.kind, entry.name): entry for entry in entries})
+        for key in replaced:
+            del self._plugins[key]
+        self._plugins.update(entries)
 
     def load_defaults(self, modules: Iterable[str] = DEFAULT_PLUGINS) -> None:
         """Add the built-in plugin modules, each on its own."""
@@ -185,12 +201,14 @@ class Registry:
         self, owner: str, origin: Origin, version: str, load: Callable[[], object], name: str | None = None
     ) -> None:
         """Load one plugin; whatever it does wrong ends in `broken` and one warning."""
+        names = list(filter(None, (name, owner)))
         try:
-            entries = self._collect(load(), owner, origin, version)
+            offered = self._offered(load(), owner)
+            names += [str(getattr(descriptor, "name", "")) for _, descriptor in offered]
+            entries = checked_entries(offered, owner, origin, version)
         except (Exception, SystemExit) as error:
             cause = str(error) if isinstance(error, PhrtError) else describe(error)
-            names = tuple(filter(None, (name, owner)))
-            self._report(BrokenPlugin(owner, cause, names))
+            self._report(BrokenPlugin(owner, cause, tuple(names)))
             return
         for entry in entries:
             self._add(entry)
@@ -213,32 +231,33 @@ class Registry:
         cause = f"{entry.kind} '{entry.name}' is refused: {named} both claim that name. Uninstall one"
         self._report(BrokenPlugin(entry.owner, cause))
 
-    def _collect(self, source: object, owner: str, origin: Origin, version: str) -> list[RegisteredPlugin]:
-        """The descriptors of one plugin, checked. Raises PluginError, or whatever the plugin's hooks raise."""
+    def _offered(self, source: object, owner: str) -> list[tuple[str, object]]:
+        """What the hooks of one plugin return, each with its kind. Raises PluginError, or whatever the hooks raise."""
         check_hook_names(source)
-        key = f"{owner}#{id(source)}" if self._manager.has_plugin(owner) else owner
-        self._manager.register(source, name=key)
+        name = f"{owner}#{id(source)}"
         try:
+            self._manager.register(source, name=name)
             self._manager.check_pending()
             return [
-                RegisteredPlugin(checked_descriptor(descriptor, kind), kind, owner, origin, version)
+                (kind, descriptor)
                 for kind in KINDS
                 for implementation in getattr(self._manager.hook, hook_name(kind)).get_hookimpls()
                 if implementation.plugin is source
                 for descriptor in implementation.function()
             ]
-        except BaseException:
-            self._manager.unregister(name=key)
-            raise
+        finally:
+            # Descriptors are all that is wanted of it.
+            if self._manager.has_plugin(name):
+                self._manager.unregister(name=name)
+
+    def _registered_by(self, owner: str) -> list[tuple[str, str]]:
+        """Kinds and names of what `owner` registered."""
+        return [key for key, e in self._plugins.items() if e.owner == owner and e.origin == "registered"]
 
     def _forget(self, owner: str) -> None:
         """Take back what `owner` registered before."""
-        if self._manager.has_plugin(owner):
-            mine = [key for key, e in self._plugins.items() if e.owner == owner and e.origin == "registered"]
-            for key in mine:
-                del self._plugins[key]
-            if mine:
-                self._manager.unregister(name=owner)
+        for key in self._registered_by(owner):
+            del self._plugins[key]
 
     def _report(self, broken: BrokenPlugin) -> None:
         self.broken.append(broken)
@@ -310,7 +329,7 @@ def phrt_version() -> str:
 def default_owner(plugin: object) -> str:
     """A name for whoever registered `plugin` without giving one."""
     if isinstance(plugin, Plugin):
-        return plugin.factory.partition(":")[0]
+        return str(plugin.factory).partition(":")[0]
     return str(getattr(plugin, "__name__", type(plugin).__name__))
 
 
@@ -342,22 +361,47 @@ def check_hook_names(source: object) -> None:
         raise PluginError(f"it implements none of the hooks {', '.join(known)}")
 
 
+def checked_entries(
+    offered: Iterable[tuple[str, object]], owner: str, origin: Origin, version: str
+) -> list[RegisteredPlugin]:
+    """What a plugin offers, as entries. Raises PluginError for a descriptor that cannot be used, or a name that is there twice."""
+    entries = [RegisteredPlugin(checked_descriptor(each, kind), kind, owner, origin, version) for kind, each in offered]
+    for number, entry in enumerate(entries):
+        if any((entry.kind, entry.name) == (e.kind, e.name) for e in entries[:number]):
+            raise PluginError(f"it brings two of {entry.kind} '{entry.name}'")
+    return entries
+
+
 def checked_descriptor(descriptor: object, kind: str) -> Plugin:
     """`descriptor`, when it is a usable one of `kind`; PluginError otherwise."""
     expected = KINDS[kind]
     if not isinstance(descriptor, expected):
         raise PluginError(f"{hook_name(kind)} returned {descriptor!r}, expected a list of {expected.__name__}")
-    if descriptor.api_version != PLUGIN_API_VERSION:
-        raise PluginError(
-            f"{kind} '{descriptor.name}' is written for plugin API {descriptor.api_version}, "
-            f"this is PHRT {phrt_version()} with plugin API {PLUGIN_API_VERSION}"
-        )
-    module, colon, name = descriptor.factory.partition(":")
-    if not (descriptor.name and module and colon and name):
-        raise PluginError(
-            f"{kind} '{descriptor.name}' needs a name and a factory 'module:Class', got '{descriptor.factory}'"
-        )
+    title = f"{kind} '{descriptor.name}'"
+    check_api_version(title, descriptor.api_version)
+    module, colon, name = str(descriptor.factory).partition(":")
+    if not (descriptor.name and module and colon and name and isinstance(descriptor.factory, str)):
+        raise PluginError(f"{title} needs a name and a factory 'module:Class' as text, got '{descriptor.factory}'")
+    if kind == "command" and descriptor.name in CORE_COMMANDS:
+        raise PluginError(f"{title} is refused: `phrt {descriptor.name}` is PHRT's own. Choose another name")
+    for suffix in getattr(descriptor, "suffixes", ()):
+        if suffix != suffix.lower() or not suffix.startswith("."):
+            raise PluginError(f"{title} reads '{suffix}' files; a suffix is lower case and begins with a dot")
     return descriptor
+
+
+def check_api_version(title: str, version: object) -> None:
+    """Raises PluginError where a plugin of API `version` cannot be used here, and says what can be done."""
+    here = f"this is PHRT {phrt_version()} with plugin API {PLUGIN_API_VERSION}"
+    if not isinstance(version, int) or isinstance(version, bool):
+        raise PluginError(f"{title} has api_version {version!r}; it must be a whole number, and {here}")
+    if version > PLUGIN_API_VERSION:
+        raise PluginError(f"{title} needs plugin API {version}, and {here}. Install a newer PHRT")
+    if version < OLDEST_API_VERSION:
+        raise PluginError(
+            f"{title} is written for plugin API {version}; {here}, which takes {OLDEST_API_VERSION} and newer. "
+            "Install a newer version of the plugin"
+        )
 
 
 def import_factory(title: str, entry: RegisteredPlugin) -> Callable[..., object]:
