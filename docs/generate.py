@@ -1,9 +1,9 @@
-"""Writes the tables of the documentation that come from the code: PAGES.
+"""Writes what comes from the code into the pages of the documentation: PAGES, all that have room for it.
 
     .venv/bin/python docs/generate.py            rewrite what changed
     .venv/bin/python docs/generate.py --check    change nothing; leave with 1 where a page is out of date
 
-A page holds its tables between `<!-- generated: NAME -->` and `<!-- end -->`; the rest is written by hand.
+A page holds it between `<!-- generated: NAME -->` and `<!-- end -->`; the rest is written by hand.
 """
 
 from __future__ import annotations
@@ -11,22 +11,27 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import fields
 from functools import partial
+from inspect import cleandoc
 from pathlib import Path
 
 import numpy as np
+from cli_tables import commands, rows, usage
+from docstrings import as_markdown
 from pydantic import BaseModel
 
+from phrt import errors
 from phrt.channels import CHANNELS, Channel
 from phrt.interfaces.effect import LayerSpec
 from phrt.interfaces.metric import Column
-from phrt.registry import get_registry
-from phrt.registry.manager import KINDS, RegisteredPlugin, import_factory
+from phrt.registry import Plugin, get_registry, hookspecs
+from phrt.registry.manager import KINDS, RegisteredPlugin, hook_name, import_factory
 from phrt.registry.options import option_rows
 from phrt_plugins.bench.config import BenchConfig, HeuristicEntry, SceneEntry
 
 DOCS = Path(__file__).resolve().parent
-PAGES = ("bench.md", "gbuffer.md", "metrics.md", "options.md")
+PAGES = sorted(str(page.relative_to(DOCS)) for page in DOCS.rglob("*.md") if "<!-- generated: " in page.read_text())
 BLOCK = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 KIND_TITLES = {
@@ -119,6 +124,53 @@ def keys(model: type[BaseModel]) -> str:
     return table(("key", "default", "meaning"), rows)
 
 
+def hooks() -> str:
+    """Every hook with what it is for, and what its descriptor says beyond those of all kinds."""
+    return "\n" + "\n".join(hook(kind, descriptor) for kind, descriptor in KINDS.items()) + "\n"
+
+
+def hook(kind: str, descriptor: type[Plugin]) -> str:
+    """A hook's heading, its docstring, its descriptor and what that adds to `Plugin`."""
+    name = hook_name(kind)
+    added = [field.name for field in fields(descriptor) if field.name not in Plugin.__dataclass_fields__]
+    own = f" with {', '.join(f'`{each}`' for each in added)}" if added else ""
+    purpose = cleandoc(getattr(hookspecs, name).__doc__)
+    return f"### `{name}`\n\n{purpose}\n\nIt returns `{descriptor.__name__}`{own}. {described(descriptor)}\n"
+
+
+def described(descriptor: type[Plugin]) -> str:
+    """A descriptor's docstring, its fields as a list."""
+    return as_markdown(cleandoc(descriptor.__doc__ or ""), [field.name for field in fields(descriptor)])
+
+
+def descriptor() -> str:
+    """What descriptors of every kind say."""
+    return f"\n{described(Plugin)}\n\n"
+
+
+def error_classes() -> list[type[BaseException]]:
+    """The errors and warnings of PHRT, bases first."""
+    return [each for each in vars(errors).values() if isinstance(each, type) and issubclass(each, BaseException)]
+
+
+def error_table() -> str:
+    """One row an error."""
+    found = [
+        (f"`{e.__name__}`", f"`{e.__base__.__name__}`", " ".join(cleandoc(e.__doc__).split())) for e in error_classes()
+    ]
+    return table(("class", "is a", "raised when"), found)
+
+
+def command_block(path: str) -> str:
+    """How a command is called, what it does, and its arguments and options."""
+    command = commands()[path]
+    found = [
+        (", ".join(f"`{name}`" for name in row.names), row.value, row.default, row.meaning) for row in rows(command)
+    ]
+    head = ("argument, option", "value", "default", "meaning")
+    return f"\n```text\n{usage(path, command)}\n```\n\n{cleandoc(command.help)}\n\n{table(head, found)}\n"
+
+
 TABLES: dict[str, Callable[[], str]] = {
     "channels": channels,
     "layers": layers,
@@ -127,7 +179,11 @@ TABLES: dict[str, Callable[[], str]] = {
     "bench": partial(keys, BenchConfig),
     "bench_scenes": partial(keys, SceneEntry),
     "bench_heuristics": partial(keys, HeuristicEntry),
+    "descriptor": descriptor,
+    "hooks": hooks,
+    "errors": error_table,
 }
+TABLES |= {path.replace(" ", "_"): partial(command_block, path) for path in commands()}
 
 
 def refreshed(text: str) -> str:
