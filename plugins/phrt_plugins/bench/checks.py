@@ -24,6 +24,7 @@ from phrt.scene import Scene
 from phrt_plugins.bench.config import HeuristicEntry, SceneEntry
 from phrt_plugins.bench.content import scene_digest
 from phrt_plugins.bench.plan import Cell, Path, Plan, Setup, short_hash, slug
+from phrt_plugins.bench.plugin_code import codes_of
 from phrt_plugins.bench.reading import ConfigFile
 from phrt_plugins.bench.scenes import open_scene
 from phrt_plugins.packages import simplification_reason
@@ -163,6 +164,7 @@ class _Checker:
             "scene": name, "file": str(file), "content": scene_digest(scene), "variant": entry.variant,
             "overrides": dict(entry.overrides), "camera": entry.camera, "path": path, "simplify": entry.simplify,
             "effects": entry.effects, "tone_map": scene.settings.tone_map or "neutral", "given": entry.scene,
+            "own": list(scene.settings.effects),
         }  # fmt: skip
 
     def _check_effects(
@@ -193,7 +195,7 @@ class _Checker:
         self, base: dict[str, Any], size: tuple[int, int], tracer: str, gbuffer: str, heuristic: HeuristicEntry
     ) -> Setup:
         config = self._config
-        known = {name: value for name, value in base.items() if name not in ("effects", "given")}
+        known = {name: value for name, value in base.items() if name not in ("effects", "given", "own")}
         values = known | {
             "size": size, "tracer": tracer, "gbuffer": gbuffer, "base_effects": merged(base["effects"], {}),
             "effects": merged(base["effects"], heuristic.effects), "clock": config.clock.rays if config.clock else None,
@@ -203,7 +205,12 @@ class _Checker:
         # What an id says holds on every machine: the file as it was named, and not what is in it.
         said = values | {"file": base["given"], "content": None, "path": asdict(base["path"])}
         name = slug(base["scene"], f"{size[0]}x{size[1]}", tracer, gbuffer)
-        return Setup(id=f"{name}-{short_hash(said)}", **values)
+        used = [
+            ("tracer", tracer),
+            ("gbuffer", gbuffer),
+            *(("effect", each) for each in (*base["own"], *base["effects"])),
+        ]
+        return Setup(id=f"{name}-{short_hash(said)}", **values, plugins=codes_of(used))
 
 
 def _cell(setup: Setup, entry: HeuristicEntry, budget: str, repeat: int) -> Cell:
@@ -213,6 +220,9 @@ def _cell(setup: Setup, entry: HeuristicEntry, budget: str, repeat: int) -> Cell
         "gbuffer": setup.gbuffer, "clock": setup.clock, "persistence": entry.persistence, "cost_model": entry.cost_model,
         "group_by": entry.group_by, "history": entry.history, "repeat": repeat,
     }  # fmt: skip
+    # A contestant whose code was changed is another one; those that ship with PHRT are the same on every machine.
+    codes = codes_of([("heuristic", entry.heuristic), *(("effect", effect) for effect in entry.effects)])
+    said |= {"plugins": codes} if codes else {}
     name = slug(setup.scene, f"{setup.size[0]}x{setup.size[1]}", budget, entry.shown, f"r{repeat}")
     return Cell(id=f"{name}-{short_hash(said)}", **said)
 

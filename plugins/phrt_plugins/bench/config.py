@@ -203,7 +203,9 @@ class BenchConfig(Described):
         5, description="Every how-manieth frame is compared with its reference."
     )
     metrics: Annotated[list[Text] | None, BeforeValidator(_metrics), PlainSerializer(_metrics_text)] = Field(
-        default=ALL_METRICS, validate_default=True, description="Metrics by name, or all of them."
+        default=ALL_METRICS,
+        validate_default=True,
+        description="Metrics by name, or all: those that ship with PHRT, and those of `plugins`.",
     )
     pictures: Annotated[Whole, Field(ge=0, le=1000)] = Field(
         3, description="Judged frames, spread over the path, that are kept as pictures."

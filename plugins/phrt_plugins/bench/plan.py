@@ -13,7 +13,7 @@ import hashlib
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -93,6 +93,7 @@ class Setup:
     effects   : options by effect; base_effects: those of its reference, without what one contestant alone has
     clock     : nanoseconds a ray takes; None for real time
     tone_map  : curve from linear light to what is shown
+    plugins   : the code of what does not ship with PHRT and its reference depends on (`phrt_plugins.bench.plugin_code`)
     """
 
     id: str
@@ -116,6 +117,7 @@ class Setup:
     warm_up: int
     judge_every: int
     pictures: int
+    plugins: dict[str, str] = field(default_factory=dict)
 
     @property
     def timed(self) -> bool:
@@ -139,7 +141,11 @@ class Setup:
 
 @dataclass(frozen=True)
 class Cell:
-    """One contestant in one setup under one budget, once. budget: "half" stands for what the references come to."""
+    """One contestant in one setup under one budget, once.
+
+    budget : "half" stands for what the references come to
+    plugins: the code of its heuristic and of effects of its own, where they do not ship with PHRT
+    """
 
     id: str
     setup: str
@@ -157,6 +163,7 @@ class Cell:
     group_by: str
     history: bool
     repeat: int
+    plugins: dict[str, str] = field(default_factory=dict)
 
     def settings(self, half_rays: float | None = None) -> dict[str, Any]:
         """What cell.json says. half_rays: the rays that "half" comes to, where that is known."""

@@ -49,7 +49,7 @@ def reference_key(setup: Setup, block: Block) -> str:
         "content": setup.content, "simplify": setup.simplify, "camera": setup.camera, "size": setup.size,
         "effects": setup.base_effects, "tracer": setup.tracer, "gbuffer": setup.gbuffer, "tone_map": setup.tone_map,
         "frames": frames, "times": [setup.path.time(number) for number in frames],
-        "judged": block.judged(setup.judge_every), "code": code_digest(),
+        "judged": block.judged(setup.judge_every), "code": code_digest(), "plugins": setup.plugins,
     }  # fmt: skip
     return short_hash(said, 32)
 

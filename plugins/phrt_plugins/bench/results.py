@@ -123,7 +123,9 @@ class BenchRun:
         folder = Path(folder)
         about = _read_about(folder)
         settings = {entry["id"]: entry for entry in _planned_cells(about)}
-        settings |= {entry["id"]: entry for entry in _begun_cells(folder)}
+        # Folders of cells that are not planned any more are of a contestant whose code was changed.
+        begun = {entry["id"]: entry for entry in _begun_cells(folder)}
+        settings |= {id: entry for id, entry in begun.items() if id in settings or not settings}
         cells = [_cell(folder, about, entry) for entry in settings.values()]
         most = {cell.setup: 0 for cell in cells}
         for cell in cells:

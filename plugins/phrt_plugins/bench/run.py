@@ -9,7 +9,9 @@ from phrt.cli.console import say
 from phrt.errors import PhrtError
 from phrt_plugins.bench.estimate import Estimate, spoken
 from phrt_plugins.bench.executors import Executor, make_executor
+from phrt_plugins.bench.inline import InlineExecutor
 from phrt_plugins.bench.plan import STAGES, Plan
+from phrt_plugins.bench.plugin_code import check_reachable
 from phrt_plugins.bench.progress import RunProgress
 from phrt_plugins.bench.reading import ConfigFile
 from phrt_plugins.bench.runner import BenchRunner
@@ -50,6 +52,8 @@ def run_bench(
     # The folder is looked at before a lock is put into it.
     runner = BenchRunner(file, plan, store, work)
     runner.check_folder(resume)
+    if not isinstance(executor, InlineExecutor):
+        check_reachable(runner.plugins(), work.plugins)
     with store.locked():
         runner.begin(resume=resume, retry_failed=retry_failed)
         made = executor

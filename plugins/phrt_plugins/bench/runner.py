@@ -20,11 +20,12 @@ from phrt.recording.recorder import now
 from phrt_plugins.bench.content import code_digest
 from phrt_plugins.bench.executors import Executor, TaskError
 from phrt_plugins.bench.plan import STAGES, Plan, Stage, Task
+from phrt_plugins.bench.plugin_code import codes_of
 from phrt_plugins.bench.reading import ConfigFile
 from phrt_plugins.bench.references import reference_rays
 from phrt_plugins.bench.store import BENCH_FILE, BENCH_VERSION, CONFIG_FILE, Store
 from phrt_plugins.bench.worker import Done, Failure, Work, do
-from phrt_plugins.metrics.measure import all_columns, make_metrics
+from phrt_plugins.metrics.measure import all_columns, default_metrics, make_metrics
 
 SHOWN_DIFFERENCES = 8
 
@@ -45,6 +46,13 @@ class BenchRunner:
 
     # Beginning
 
+    def plugins(self) -> list[str]:
+        """All that the run uses and that does not ship with PHRT, each "kind/name"."""
+        used = [which for each in (*self.plan.setups, *self.plan.cells) for which in each.plugins]
+        wanted = self.file.config.metrics
+        metrics = default_metrics() if wanted is None else wanted
+        return list(dict.fromkeys([*used, *codes_of([("metric", name) for name in metrics])]))
+
     def check_folder(self, resume: bool) -> None:
         """Nothing is changed. Raises OptionError where the folder holds something else, or a run that is not to be resumed."""
         root = self.store.root
@@ -64,6 +72,7 @@ class BenchRunner:
         """Make the folder this run's. Raises OptionError as `check_folder`, and where it holds the run of another config."""
         self.check_folder(resume)
         root, about = self.store.root, self.store.about() if resume else None
+        metrics = make_metrics(self.file.config.metrics)
         self._about = {
             "phrt_bench": BENCH_VERSION,
             "name": self.file.config.name,
@@ -71,7 +80,8 @@ class BenchRunner:
             "state": "running",
             "config": self.file.config.model_dump(mode="json"),
             "plan": self.plan.as_json(),
-            "columns": [asdict(column) for column in all_columns(make_metrics(self.file.config.metrics))],
+            "columns": [asdict(column) for column in all_columns(metrics)],
+            "metrics": codes_of([("metric", metric.name) for metric in metrics]),
             "versions": versions(),
             "code": code_digest(),
             "machine": machine(),
@@ -103,10 +113,13 @@ class BenchRunner:
             for key, old, new in different(about.get("config"), mine["config"])
         ]
         if not differences:
-            then = {setup["id"]: setup.get("content") for setup in (about.get("plan") or {}).get("setups", ())}
+            then = {setup["id"]: setup for setup in (about.get("plan") or {}).get("setups", ())}
             for setup in self.plan.setups:
-                if then.get(setup.id) != setup.content:
+                was = then.get(setup.id, {})
+                if was.get("content") != setup.content:
                     differences.append(f"the scene '{setup.scene}' ({setup.file}) is not what it was")
+                differences += _changed_codes(was.get("plugins"), setup.plugins)
+            differences += _changed_codes(about.get("metrics"), mine["metrics"])
         if differences:
             shown = list(dict.fromkeys(differences))
             more = f"\n  ... and {len(shown) - SHOWN_DIFFERENCES} more" if len(shown) > SHOWN_DIFFERENCES else ""
@@ -261,6 +274,11 @@ def different(old: Any, new: Any, key: str = "") -> list[tuple[str, Any, Any]]:
         pairs = enumerate(zip(old, new, strict=True))
         return [each for number, (a, b) in pairs for each in different(a, b, f"{key}[{number}]")]
     return [] if old == new else [(key, old, new)]
+
+
+def _changed_codes(then: Mapping[str, str] | None, now: Mapping[str, str]) -> list[str]:
+    """Which plugins, "kind/name", are not made of the same code."""
+    return [f"the code of {which} is not what it was" for which, code in now.items() if (then or {}).get(which) != code]
 
 
 def _shown(value: Any) -> str:

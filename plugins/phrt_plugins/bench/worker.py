@@ -22,6 +22,7 @@ from phrt.renderer import Renderer
 from phrt_plugins.bench.blocks import FaultError, Judges, Spent, run_block, write_measures, write_pictures
 from phrt_plugins.bench.pictures import ReferencePicture, floor_shots
 from phrt_plugins.bench.plan import Setup, Task
+from phrt_plugins.bench.plugin_code import Registrar, check_codes
 from phrt_plugins.bench.references import RUN_FILES, References
 from phrt_plugins.bench.results import read_columns
 from phrt_plugins.bench.scenes import new_clock, open_renderer
@@ -71,7 +72,7 @@ class _Kept:
     key: tuple[Any, ...] | None = None
     renderer: Renderer | None = None
     metrics: dict[tuple[str, ...] | None, list[Metric]] = field(default_factory=dict)
-    plugins: set[str] = field(default_factory=set)
+    registrar: Registrar = field(default_factory=Registrar)
 
 
 _kept = _Kept()
@@ -85,6 +86,7 @@ def do(work: Work, task: Task) -> Done:
         warnings.simplefilter("always", PhrtWarning)
         try:
             _register(work)
+            check_codes(task.setup.plugins)
             {"reference": _reference, "cells": _cells, "oracle": _oracle}[task.stage](work, task, done, spent)
         except Exception as error:
             done.failures.append(Failure(None, kind_of(error, task.stage), reason_of(error)))
@@ -102,13 +104,11 @@ def release() -> None:
 
 
 def _register(work: Work) -> None:
-    """The plugins of the benchmark are there in this process, too."""
-    from phrt.registry.local import register_source
-
-    for source in work.plugins:
-        if source not in _kept.plugins:
-            register_source(source)
-            _kept.plugins.add(source)
+    """The plugins of the benchmark are there in this process, too, as they are now."""
+    if _kept.registrar.register(work.plugins):
+        # What is kept was made from what was there before.
+        release()
+        _kept.metrics.clear()
 
 
 def _metrics(work: Work) -> list[Metric]:
@@ -181,6 +181,7 @@ def _cells(work: Work, task: Task, done: Done, spent: Spent) -> None:
             # Our run ended, and another one took the folder over: what is left is its business.
             return
         try:
+            check_codes(cell.plugins)
             settings = read_json(store.cell(cell.id) / CELL_FILE)
             renderer = renderer_of(task.setup, work, spent)
             target = store.cell_block(cell.id, task.block)

@@ -30,7 +30,7 @@ COLUMN_NAME = re.compile(r"[a-z][a-z0-9_]*")
 def make_metrics(
     names: Sequence[str] | None = None, options: Mapping[str, Mapping[str, object]] | None = None
 ) -> list[Metric]:
-    """Metrics by name; None makes every one that is available here, with a PhrtWarning for each that is not. options: by
+    """Metrics by name; None makes every default one that is available here, with a PhrtWarning for each that is not. options: by
     metric, then by option.
 
     Raises PluginError where one is unknown, unavailable or no metric, or two claim a column; OptionError for a wrong
@@ -51,9 +51,16 @@ def make_metrics(
     return metrics
 
 
+def default_metrics() -> list[str]:
+    """Those that ship with PHRT, and those that were registered for this run. What is merely installed must be named: installing a
+    package changes no comparison."""
+    return [entry.name for entry in get_registry().plugins("metric") if entry.origin != "installed"]
+
+
 def available_metrics() -> list[str]:
-    """Names of all metrics that can be made here; a PhrtWarning says which cannot, and what to install."""
-    reasons = {entry.name: entry.unavailable_reason() for entry in get_registry().plugins("metric")}
+    """Names of the default metrics that can be made here; a PhrtWarning says which cannot, and what to install."""
+    registry = get_registry()
+    reasons = {name: registry.find("metric", name).unavailable_reason() for name in default_metrics()}
     for name, reason in reasons.items():
         if reason:
             warnings.warn(PhrtWarning(f"metric '{name}' is left out: {reason}"), stacklevel=3)
