@@ -38,7 +38,7 @@ class Sandbox:
             "PHRT_NO_APT": "1",
             "HOME": "/",
         }
-        every = "libEGL.so.1 libusb-1.0.so.0 libgomp.so.1 libEGL_nvidia.so.0"
+        every = "libEGL.so.1 libusb-1.0.so.0 libgomp.so.1 libEGL_nvidia.so.0 libLLVM.so.19.1"
         return subprocess.run(
             [str(self.folder / "run"), *arguments],
             env=variables | {"LIBRARIES": every} | environment,
@@ -92,6 +92,13 @@ def test_tests_that_fail_fail_the_command(sandbox: Sandbox) -> None:
     pytest_command = "-m pytest tests --ignore=tests/docs/test_snippets.py -n 2 -q"
     assert sandbox.run("test", FAIL=pytest_command).returncode != 0
     assert sandbox.run("test").returncode == 0
+
+
+def test_packages_under_plugins_are_tested_too(sandbox: Sandbox) -> None:
+    (sandbox.folder / "plugins" / "phrt-mine" / "tests").mkdir(parents=True)
+    (sandbox.folder / "plugins" / "phrt_plugins").mkdir()
+    assert sandbox.run("test").returncode == 0
+    assert "python -m pytest tests plugins/phrt-mine/tests --ignore" in sandbox.log.read_text()
 
 
 def test_a_check_that_fails_fails_the_command_after_all_have_run(sandbox: Sandbox) -> None:
@@ -152,13 +159,33 @@ def test_missing_libraries_are_named_with_what_will_not_work(sandbox: Sandbox) -
     assert "apt-get install libegl1 libusb-1.0-0 libgomp1" in done.stderr
     assert "the G-buffer 'moderngl' is not available" in done.stderr
     assert "the tracer 'open3d' is not available" in done.stderr
+    assert "apt-get install libllvm19\n" in done.stderr
+    assert "plugins/phrt-mitsuba has no tracer on the processor" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("libraries", "is_missing"),
+    [("libLLVM-15.so.1", True), ("libLLVM-17.so.1", False), ("libLLVM.so.19.1", False), ("libLLVM.so.20.1", False)],
+)
+def test_an_llvm_that_is_too_old_does_not_count(sandbox: Sandbox, libraries: str, is_missing: bool) -> None:
+    done = sandbox.run("setup", LIBRARIES=f"libEGL.so.1 libusb-1.0.so.0 libgomp.so.1 libEGL_nvidia.so.0 {libraries}")
+    assert ("missing system libraries: libllvm19" in done.stderr) == is_missing, done.stderr
+
+
+def test_a_package_that_the_system_does_not_have_keeps_no_other_away(sandbox: Sandbox) -> None:
+    sandbox.program("tools/id", "echo 0")
+    sandbox.program("tools/apt-get", 'echo "apt-get $*" >>"$LOG"; case "$*" in *libllvm*) exit 100 ;; esac')
+    done = sandbox.run("setup", LIBRARIES="libEGL_nvidia.so.0 libgomp.so.1", PHRT_NO_APT="")
+    assert done.returncode == 0, done.stderr
+    assert "missing system libraries: libllvm19;" in done.stderr
+    assert "apt-get install -y -q --no-install-recommends libegl1 libusb-1.0-0\n" in sandbox.log.read_text()
 
 
 def test_missing_libraries_are_installed_when_it_may(sandbox: Sandbox) -> None:
     # The package lists are out of date: the first attempt fails, and succeeds after an update.
     sandbox.program("tools/id", "echo 0")
     sandbox.program("tools/apt-get", 'echo "apt-get $*" >>"$LOG"; grep -q "apt-get update" "$LOG"')
-    done = sandbox.run("setup", LIBRARIES="libEGL_nvidia.so.0 libgomp.so.1", PHRT_NO_APT="")
+    done = sandbox.run("setup", LIBRARIES="libEGL_nvidia.so.0 libgomp.so.1 libLLVM-17.so", PHRT_NO_APT="")
     assert done.returncode == 0, done.stderr
     install = "apt-get install -y -q --no-install-recommends libegl1 libusb-1.0-0"
     calls = [line for line in sandbox.log.read_text().splitlines() if line.startswith("apt-get")]
@@ -169,7 +196,7 @@ def test_missing_libraries_are_installed_when_it_may(sandbox: Sandbox) -> None:
 def test_an_installation_of_libraries_that_fails_is_not_the_end(sandbox: Sandbox) -> None:
     sandbox.program("tools/id", "echo 0")
     sandbox.program("tools/apt-get", "echo no network; exit 100")
-    done = sandbox.run("setup", LIBRARIES="libEGL_nvidia.so.0 libgomp.so.1", PHRT_NO_APT="")
+    done = sandbox.run("setup", LIBRARIES="libEGL_nvidia.so.0 libgomp.so.1 libLLVM-17.so", PHRT_NO_APT="")
     assert done.returncode == 0, done.stderr
     assert "no network" in done.stderr
     assert "missing system libraries: libegl1 libusb-1.0-0" in done.stderr
