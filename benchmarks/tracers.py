@@ -1,12 +1,16 @@
 """Bare tracer rates: M rays/s of the `embree` tracer, of embreex's own `run` and of Open3D, on the same rays.
 
     PHRT_ASSETS=/path/to/scenes .venv/bin/python benchmarks/tracers.py
+    PYTHONPATH=plugins/phrt-mitsuba ... benchmarks/tracers.py --plugin phrt_mitsuba.plugin --tracer mitsuba
 
 Three kinds of rays, 640x360 each: primary (4x4 tiles), shadow (from the primary hits to a point light), random (closest
 hits). Two sizes: Sponza and Armadillo, and the same with Sponza's triangles split in sixteen. Contenders take turns
 within every repeat, so that a noisy moment hits them all; figures are medians over the repeats, the ratio is the
 median of the ratios within a repeat. The bar: the `embree` tracer is at least 1.8 times as fast as `run` on two threads,
 primary and shadow rays.
+
+Tracers of other packages take part by name (--tracer). They get every batch in one call and bring their own threads, so
+they are only measured where all threads are used; their ratios, too, are taken within a repeat.
 """
 
 from __future__ import annotations
@@ -14,10 +18,10 @@ from __future__ import annotations
 import argparse
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +31,9 @@ from rich.console import Console
 from rich.table import Table
 
 from phrt.rays import RayBatch
+from phrt.registry import get_registry
+from phrt.registry.local import register_source
+from phrt.workers import usable_cores
 from phrt_backends.availability import embree_reason, open3d_reason
 from phrt_backends.options import EmbreeOptions, Open3dOptions
 from phrt_backends.tracers.embree import EmbreeTracer
@@ -82,7 +89,7 @@ class Geometry:
 @dataclass(frozen=True)
 class RateRow:
     """Rates of one kind of rays. mega_rays: M rays/s by contender; ratio and its bar: embree tracer / embreex `run`;
-    ratios: of every repeat."""
+    ratios: of every repeat; guests: median ratios of other packages' tracers, by "guest / contender"."""
 
     scene: str
     triangles: int
@@ -92,6 +99,7 @@ class RateRow:
     ratio: float
     bar: float | None
     ratios: tuple[float, ...]
+    guests: dict[str, float] = field(default_factory=dict)
 
 
 def reference_geometries(assets: Path) -> Iterator[Geometry]:
@@ -172,31 +180,40 @@ def chunks(rays: RayBatch) -> list[RayBatch]:
 
 
 @contextmanager
-def contenders(geometry: Geometry, threads: int) -> Iterator[dict[str, Callable[[str, RayBatch], Any]]]:
-    """Functions (query, rays) by contender's name. Open3D runs its own threads, the others get a pool's."""
+def contenders(
+    geometry: Geometry, threads: int, guests: Sequence[str] = ()
+) -> Iterator[dict[str, Callable[[str, RayBatch], Any]]]:
+    """Functions (query, rays) by contender's name. Open3D and guests run their own threads, the others get a pool's."""
     tracers: dict[str, Any] = {"embree": EmbreeTracer(EmbreeOptions()), "embreex run": BareEmbreex(geometry)}
     tracers["embree"].build(geometry)
+    whole = list(guests)
+    for name in guests:
+        tracers[name] = get_registry().create("tracer", name)
+        tracers[name].build(geometry)
     if open3d_reason() is None:
         from phrt_backends.tracers.open3d_scene import Open3dTracer
 
         tracers["open3d"] = Open3dTracer(Open3dOptions(threads=threads))
         tracers["open3d"].build(geometry)
+        whole.append("open3d")
     with ThreadPoolExecutor(threads) as pool:
 
         def pooled(name: str) -> Callable[[str, RayBatch], Any]:
             return lambda query, rays: list(pool.map(getattr(tracers[name], query), chunks(rays)))
 
-        run = {name: pooled(name) for name in tracers}
-        if "open3d" in tracers:
-            run["open3d"] = lambda query, rays: getattr(tracers["open3d"], query)(rays)
-        yield run
-    tracers["embree"].close()
+        def at_once(name: str) -> Callable[[str, RayBatch], Any]:
+            return lambda query, rays: getattr(tracers[name], query)(rays)
+
+        yield {name: at_once(name) if name in whole else pooled(name) for name in tracers}
+    for name in ("embree", *guests):
+        tracers[name].close()
 
 
-def measure(geometry: Geometry, threads: int, repeats: int = 15) -> list[RateRow]:
-    """Rates of every kind of rays on `threads` threads."""
+def measure(geometry: Geometry, threads: int, repeats: int = 15, guests: Sequence[str] = ()) -> list[RateRow]:
+    """Rates of every kind of rays on `threads` threads. guests: registered tracers, measured with all cores only."""
     rows = []
-    with contenders(geometry, threads) as run:
+    guests = guests if threads == usable_cores() else ()
+    with contenders(geometry, threads, guests) as run:
         primary = camera_rays()
         distance = np.concatenate([hits.distance for hits in run["embree"]("closest_hit", primary)])
         batches = {
@@ -210,7 +227,15 @@ def measure(geometry: Geometry, threads: int, repeats: int = 15) -> list[RateRow
             ratios = tuple(np.divide(seconds["embreex run"], seconds["embree"]).tolist())
             ratio = float(np.median(ratios))
             bar = BAR if threads == 2 and kind != "random" else None
-            rows.append(RateRow(geometry.name, len(geometry.triangles), kind, threads, rates, ratio, bar, ratios))
+            against = {
+                f"{guest} / {name}": float(np.median(np.divide(seconds[name], seconds[guest])))
+                for guest in guests
+                for name in seconds
+                if name not in guests
+            }
+            rows.append(
+                RateRow(geometry.name, len(geometry.triangles), kind, threads, rates, ratio, bar, ratios, against)
+            )
     return rows
 
 
@@ -228,25 +253,29 @@ def interleaved(
     return seconds
 
 
-def measure_all(assets: Path, repeats: int = 15) -> list[RateRow]:
+def measure_all(assets: Path, repeats: int = 15, guests: Sequence[str] = ()) -> list[RateRow]:
     """Rows for both geometries on one and on two threads."""
     rows: list[RateRow] = []
     for geometry in reference_geometries(assets):
         for threads in (1, 2):
-            rows += measure(geometry, threads, repeats)
+            rows += measure(geometry, threads, repeats, guests)
     return rows
 
 
 def table(rows: list[RateRow]) -> Table:
     """The rows, for `rich`."""
-    names = list(rows[0].mega_rays)
+    names = list(dict.fromkeys(name for row in rows for name in row.mega_rays))
+    guests = list(dict.fromkeys(name for row in rows for name in row.guests))
     made = Table(title="Bare tracers, M rays/s (medians)", title_justify="left")
-    for heading in ("scene", "triangles", "rays", "threads", *names, "embree / run", "bar"):
+    for heading in ("scene", "triangles", "rays", "threads", *names, "embree / run", "bar", *guests):
         made.add_column(heading, justify="left" if heading in ("scene", "rays") else "right")
     for row in rows:
-        rates = [f"{row.mega_rays[name]:.1f}" for name in names]
+        rates = [f"{row.mega_rays[name]:.1f}" if name in row.mega_rays else "" for name in names]
+        against = [f"{row.guests[name]:.2f}" if name in row.guests else "" for name in guests]
         bar = "" if row.bar is None else f">= {row.bar} {'met' if row.ratio >= row.bar else 'MISSED'}"
-        made.add_row(row.scene, f"{row.triangles:,}", row.kind, str(row.threads), *rates, f"{row.ratio:.2f}", bar)
+        made.add_row(
+            row.scene, f"{row.triangles:,}", row.kind, str(row.threads), *rates, f"{row.ratio:.2f}", bar, *against
+        )
     return made
 
 
@@ -256,14 +285,18 @@ def main() -> None:
     parser.add_argument(
         "--assets", type=Path, default=os.environ.get("PHRT_ASSETS"), help="the real scenes (default PHRT_ASSETS)"
     )
+    parser.add_argument("--plugin", action="append", default=[], help="a module or file with further tracers")
+    parser.add_argument("--tracer", action="append", default=[], help="a registered tracer that takes part")
     arguments = parser.parse_args()
     if arguments.assets is None:
         parser.error("name the folder of real scenes: --assets or PHRT_ASSETS")
     if reason := embree_reason():
         parser.error(reason)
+    for source in arguments.plugin:
+        register_source(source)
     console = Console()
     with console.status("measuring"):
-        rows = measure_all(Path(arguments.assets), arguments.repeats)
+        rows = measure_all(Path(arguments.assets), arguments.repeats, arguments.tracer)
     console.print(table(rows))
 
 
