@@ -1,4 +1,4 @@
-"""Tracer: answers which triangle a ray meets first, and whether anything is in the way."""
+"""Tracer: answers which triangle a ray meets first, and whether anything is in the way; some can path trace, too."""
 
 from __future__ import annotations
 
@@ -11,14 +11,19 @@ import numpy as np
 from phrt.rays import HitBatch, RayBatch
 
 if TYPE_CHECKING:
+    from phrt.camera import CameraView
     from phrt.world import Changes, World
 
 
 @dataclass(frozen=True)
 class TracerCapabilities:
-    """description: what the tracer is and how it works, in one line; shown by `phrt doctor`."""
+    """description: what the tracer is and how it works, in one line with its version; shown by `phrt doctor`.
+
+    path_traces: can it make whole pictures by path tracing (`Tracer.render_paths`)?
+    """
 
     description: str
+    path_traces: bool = False
 
 
 class Tracer(ABC):
@@ -42,6 +47,19 @@ class Tracer(ABC):
     @abstractmethod
     def occluded(self, rays: RayBatch) -> np.ndarray:
         """(n,) bool: does anything that casts a shadow (`world.object_casts_shadow`) lie at 0 <= t < t_max?"""
+
+    def render_paths(
+        self, world: World, view: CameraView, *, samples: int, max_depth: int, seed: int = 0
+    ) -> np.ndarray:
+        """(H, W, 3) float32, linear Rec.709, times the view's and the scene's exposure: `world` as it is now, path traced.
+
+        samples: paths a pixel, spread over its area, whatever the view's jitter; max_depth: the most edges of a path from the
+        eye to a light, 2 for direct light alone; seed: of the noise, which is the same where everything else is.
+
+        Needs no `build`. Warns (PhrtWarning) of what the scene has and the picture has not. Only of tracers whose capabilities
+        say `path_traces`; any other raises NotImplementedError.
+        """
+        raise NotImplementedError(f"{type(self).__name__} cannot path trace")
 
     def close(self) -> None:
         """Give memory back. Called once; no query follows."""
