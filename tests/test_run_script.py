@@ -88,6 +88,21 @@ def test_an_installation_that_fails_stops_it_and_is_tried_again(sandbox: Sandbox
     assert sandbox.installs() == [".", "."]
 
 
+def test_the_site_is_built_with_its_own_extra_alone(sandbox: Sandbox) -> None:
+    sandbox.program(".venv/bin/mkdocs", 'echo "mkdocs $*" >>"$LOG"; [ "$1" != "${FAIL:-}" ]')
+    done = sandbox.run("docs")
+    assert done.returncode == 0, done.stderr
+    assert sandbox.installs() == [".[docs]"]
+    assert f"the documentation is at {sandbox.folder}/site/index.html" in done.stderr
+    assert sandbox.run("docs", "--serve", "--dev-addr", "localhost:8001").returncode == 0
+    assert "mkdocs serve --dev-addr localhost:8001" in sandbox.log.read_text()
+    assert sandbox.run("docs", FAIL="build").returncode != 0
+    done = sandbox.run("docs", "--server")
+    assert done.returncode == 2
+    assert "takes --serve or nothing, not: --server" in done.stderr
+    assert sandbox.installs() == [".[docs]"]
+
+
 def test_tests_that_fail_fail_the_command(sandbox: Sandbox) -> None:
     pytest_command = "-m pytest tests --ignore=tests/docs/test_snippets.py -n 2 -q"
     assert sandbox.run("test", FAIL=pytest_command).returncode != 0
@@ -224,4 +239,4 @@ def test_an_unsuitable_python_is_told(sandbox: Sandbox) -> None:
 def test_an_unknown_command_is_told(sandbox: Sandbox) -> None:
     done = sandbox.run("tset")
     assert done.returncode == 2
-    assert "Use one of: demo, test, check, bench, setup, phrt" in done.stderr
+    assert "Use one of: demo, test, check, bench, docs, setup, phrt" in done.stderr
