@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import textwrap
 import threading
 import warnings
 from collections.abc import Iterable, Iterator
@@ -28,6 +29,8 @@ class Terminal:
     quiet: bool = False
     warned: list[str] = field(default_factory=list)
     """Warnings so far, each once, in order."""
+    plugins: list[str] = field(default_factory=list)
+    """What `--plugin` named, for commands that begin other processes."""
 
 
 terminal = Terminal()
@@ -41,6 +44,24 @@ def messages() -> Console:
 def results() -> Console:
     """Standard output."""
     return Console(highlight=False, soft_wrap=True)
+
+
+def line_width() -> int | None:
+    """Characters of a line on standard output; None where it is read by a program."""
+    return Console().width if sys.stdout.isatty() else None
+
+
+def print_wrapped(text: str, indent: str = "") -> None:
+    """A line on standard output, at the ends of words where it is longer than the terminal is wide; further lines begin with
+    `indent`."""
+    width = line_width()
+    if width is not None and len(text) > width:
+        spaces = text[: len(text) - len(text.lstrip())]
+        wrapped = textwrap.wrap(
+            text.strip(), width, initial_indent=spaces, subsequent_indent=indent, break_long_words=False
+        )
+        text = "\n".join(wrapped)
+    results().print(text, markup=False)
 
 
 def print_table(table: object) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import typer
 
 from phrt.cli.console import print_table, results, warn_of
-from phrt.cli.options import DebugOption, JsonOption
+from phrt.cli.options import DebugOption, JsonOption, PluginOption
 from phrt.interfaces.heuristic import NEVER_TRACED
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ def explain(
         str | None, typer.Option("--object", metavar="PATH", help="Object: its path, or the end of it if unique.")
     ] = None,
     effect: Annotated[str | None, typer.Option(help="One effect alone, as shadows.")] = None,
+    plugin: PluginOption = None,
     as_json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:

@@ -14,6 +14,7 @@ from phrt.cli.console import escape, messages, terminal, tidy_warnings
 from phrt.cli.doctor import doctor
 from phrt.cli.explain import explain
 from phrt.cli.new import new
+from phrt.cli.options import PluginOption
 from phrt.cli.plugins import plugins_app
 from phrt.cli.render import render
 from phrt.cli.schema import schema
@@ -87,8 +88,9 @@ def phrt(
     version: Annotated[
         bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True)
     ] = False,
+    plugin: PluginOption = None,
 ) -> None:
-    """Hybrid rendering: rasterize everything, ray trace only what pays."""
+    """Hybrid rendering: rasterize everything, ray trace only what pays. --plugin before COMMAND can bring the command."""
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -100,6 +102,7 @@ def run(arguments: list[str]) -> int:
     """Run `phrt` with `arguments` and return its exit code; errors become messages on standard error."""
     terminal.debug, terminal.quiet = False, False
     terminal.warned.clear()
+    terminal.plugins.clear()
     with tidy_warnings():
         try:
             code = leaving_code(arguments)

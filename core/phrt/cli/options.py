@@ -24,6 +24,7 @@ def _add_plugins(sources: list[str] | None) -> list[str]:
 
         for source in sources:
             register_source(source)
+            terminal.plugins.append(source)
     return sources or []
 
 
@@ -40,6 +41,7 @@ PluginOption = Annotated[
         metavar="MODULE_OR_FILE",
         help="Also use this plugin: a module or a .py file. Runs its code. Repeatable.",
         callback=_add_plugins,
+        is_eager=True,
     ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]

@@ -9,11 +9,18 @@ from typing import Annotated, Any
 
 import typer
 
-from phrt.cli.console import results
+from phrt.cli.console import line_width, print_wrapped, results
 from phrt.cli.options import DebugOption, JsonOption, PluginOption
 from phrt.errors import PluginError, did_you_mean
+from phrt.registry.defaults import Defaults
 from phrt.registry.manager import KINDS, RegisteredPlugin, get_registry
 from phrt.registry.options import option_rows
+
+COLUMNS = ("kind", "name", "origin", "version", "API", "default", "available")
+LONGEST_ORIGIN = 20
+"""Characters; the end of a longer one is shown, which is a file's name."""
+ROOM_FOR_SUMMARY = 40
+"""Characters: with less the summaries are left out."""
 
 plugins_app = typer.Typer(rich_markup_mode=None, help="List plugins, or show one.")
 
@@ -26,43 +33,94 @@ def list_plugins(
     plugin: PluginOption = None,
     debug: DebugOption = False,
 ) -> None:
-    """List plugins with their origin, and whether they run here or exactly why not; `show NAME` for one."""
+    """List plugins with origin, version and plugin API, whether they run here or exactly why not, and what is used when none is
+    named and why; `show NAME` for one."""
     if context.invoked_subcommand is not None:
         return
-    rows = [describe_plugin(entry) for entry in get_registry().plugins(kind)]
+    registry = get_registry()
+    entries, defaults = registry.plugins(kind), Defaults.find(registry)
+    rows = [describe_plugin(entry, defaults) for entry in entries]
+    broken = [str(each) for each in registry.broken]
     if as_json:
-        print(json.dumps({"plugins": rows, "broken": [str(each) for each in get_registry().broken]}, indent=2))
+        print(json.dumps({"plugins": rows, "defaults": defaults.as_json(), "broken": broken}, indent=2))
         return
-    columns = ("kind", "name", "origin", "default", "available")
-    lines = [columns, *((*(row[c] for c in columns[:4]), availability(row["reason"])) for row in rows)]
-    widths = [max(len(line[i]) for line in lines) for i in range(4)]
-    for line in lines:
-        text = "  ".join([*(cell.ljust(width) for cell, width in zip(line, widths, strict=False)), line[4]])
-        results().print(text, markup=False, style="bold" if line is columns else None)
+    print_rows(rows)
+    print_section("Not available here", [f"{r['kind']} {r['name']}: {r['reason']}" for r in rows if r["reason"]])
+    print_section("Used when no other is named", defaults.lines(None if kind is None else {kind}))
+    print_section("Left out", broken)
 
 
 @plugins_app.command("show")
 def show_plugin(
     name: Annotated[str, typer.Argument(help="Its name, or KIND/NAME where a name is used twice.")],
+    as_json: JsonOption = False,
     plugin: PluginOption = None,
     debug: DebugOption = False,
 ) -> None:
-    """Show a plugin's manual page and all its options."""
+    """Show a plugin's manual page, and every option with its default, range and unit."""
     entry = find_by_name(name)
+    about = describe_plugin(entry, Defaults.find(get_registry()))
+    page, options = manual_page(entry), option_rows(entry.plugin.options)
+    if as_json:
+        listed = [vars(row) for row in options]
+        print(json.dumps(about | {"factory": entry.plugin.factory, "page": page, "options": listed}, indent=2))
+        return
     out = results()
-    out.print(f"{entry.kind} {entry.name}, {entry.source}", style="bold", markup=False)
-    out.print(entry.plugin.summary, markup=False)
-    reason = entry.unavailable_reason()
-    out.print(f"available: {availability(reason)}", markup=False)
-    if page := manual_page(entry):
+    version = "" if entry.origin != "built-in" else f" {entry.version}"
+    title = f"{entry.kind} {entry.name}, {entry.source}{version}, plugin API {entry.plugin.api_version}"
+    out.print(title, style="bold", markup=False)
+    print_wrapped(entry.plugin.summary)
+    print_wrapped("available: " + ("yes" if about["available"] else f"no: {about['reason']}"))
+    print_wrapped("default: " + (about["default_reason"] or "no, it is used where it is named"))
+    if page:
         out.print(f"\n{page}", markup=False)
-    out.print("\nOptions:" if entry.plugin.options.model_fields else "\nOptions: none", markup=False)
-    for row in option_rows(entry.plugin.options):
-        out.print(f"  {row.name} = {row.default}    {row.allowed}\n      {row.meaning}", markup=False)
+    out.print("\nOptions:" if options else "\nOptions: none", markup=False)
+    for row in options:
+        value = " ".join(filter(None, (row.default, row.unit)))
+        print_wrapped(f"  {row.name} = {value}    {row.allowed}", "      ")
+        print_wrapped(f"      {row.meaning}", "      ")
+
+
+def print_rows(rows: list[dict[str, Any]]) -> None:
+    """A line a plugin, with its summary where there is room for it."""
+    cells = [COLUMNS, *(row_cells(row) for row in rows)]
+    widths = [max(len(line[column]) for line in cells) for column in range(len(COLUMNS))]
+    used = sum(widths) + 2 * len(widths)
+    width = line_width()
+    summaries = ["what it is", *(row["summary"] for row in rows)]
+    for number, (line, summary) in enumerate(zip(cells, summaries, strict=True)):
+        text = "  ".join(cell.ljust(wide) for cell, wide in zip(line, widths, strict=True))
+        if width is None:
+            text += f"  {summary}"
+        elif width - used >= ROOM_FOR_SUMMARY:
+            text += "  " + shortened(summary, width - used)
+        results().print(text.rstrip(), markup=False, style=None if number else "bold")
+
+
+def row_cells(row: dict[str, Any]) -> tuple[str, ...]:
+    """The cells of a plugin's line, by COLUMNS."""
+    origin = "built-in" if row["origin"] == "built-in" else row["owner"]
+    if len(origin) > LONGEST_ORIGIN:
+        origin = "..." + origin[3 - LONGEST_ORIGIN :]
+    used = "yes" if row["default"] and row["kind"] == "loader" else row["default"]
+    available = "yes" if row["available"] else "no"
+    return row["kind"], row["name"], origin, row["version"], str(row["api_version"]), used, available
+
+
+def shortened(text: str, width: int) -> str:
+    return text if len(text) <= width else text[: width - 3].rstrip() + "..."
+
+
+def print_section(title: str, lines: list[str]) -> None:
+    """Lines under a title; nothing where there are none."""
+    if lines:
+        results().print(f"\n{title}:", style="bold", markup=False)
+        for line in lines:
+            print_wrapped(f"  {line}", "      ")
 
 
 def find_by_name(name: str) -> RegisteredPlugin:
-    """The plugin called NAME or KIND/NAME. Raises PluginError when there is none, or several."""
+    """The plugin called NAME or KIND/NAME. Raises PluginError when there is none, or several, or it could not be loaded."""
     registry = get_registry()
     kind, slash, rest = name.partition("/")
     if slash:
@@ -72,42 +130,29 @@ def find_by_name(name: str) -> RegisteredPlugin:
         return found[0]
     if found:
         raise PluginError(f"'{name}' is ambiguous: use one of {', '.join(f'{e.kind}/{e.name}' for e in found)}")
+    if cause := registry.why_lost(name):
+        raise PluginError(cause)
     known = [entry.name for entry in registry.plugins()]
     raise PluginError(f"there is no plugin '{name}'. Known: {', '.join(known)}.{did_you_mean(name, known)}")
 
 
-def describe_plugin(entry: RegisteredPlugin) -> dict[str, Any]:
-    """One row of the table, as plain data."""
+def describe_plugin(entry: RegisteredPlugin, defaults: Defaults) -> dict[str, Any]:
+    """One plugin as plain data. default: when it is used without being named: always ("yes"), by `auto` here, or the endings of the
+    files that it reads; empty if never."""
     reason = entry.unavailable_reason()
     return {
         "kind": entry.kind,
         "name": entry.name,
         "summary": entry.plugin.summary,
-        "origin": entry.source,
+        "origin": entry.origin,
         "owner": entry.owner,
-        "default": default_use(entry),
+        "version": entry.version,
+        "api_version": entry.plugin.api_version,
+        "default": defaults.use_of(entry),
+        "default_reason": defaults.reason_of(entry),
         "available": reason is None,
         "reason": reason,
     }
-
-
-def availability(reason: str | None) -> str:
-    return "yes" if reason is None else f"no: {reason}"
-
-
-def default_use(entry: RegisteredPlugin) -> str:
-    """When it is used without being asked for: always, by `auto` here, for some files; empty if never."""
-    from phrt.registry.auto import DEFAULT_EFFECTS, DEFAULT_HEURISTIC, choose_gbuffer, choose_tracer
-
-    if entry.kind == "tracer":
-        return "auto" if choose_tracer().name == entry.name else ""
-    if entry.kind == "gbuffer":
-        return "auto" if choose_gbuffer().name == entry.name else ""
-    if entry.kind == "effect":
-        return "yes" if entry.name in DEFAULT_EFFECTS else ""
-    if entry.kind == "heuristic":
-        return "yes" if entry.name == DEFAULT_HEURISTIC else ""
-    return " ".join(getattr(entry.plugin, "suffixes", ()))
 
 
 def manual_page(entry: RegisteredPlugin) -> str:

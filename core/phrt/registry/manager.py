@@ -32,7 +32,9 @@ from phrt.registry.descriptors import (
     Plugin,
     TracerPlugin,
 )
+from phrt.registry.fields import check_fields
 from phrt.registry.options import validate_options
+from phrt.registry.origins import note_origin
 
 DEFAULT_PLUGINS = ("phrt_backends.plugin", "phrt_heuristics.plugin", "phrt_plugins.plugin")
 ENTRY_POINT_GROUP = "phrt"
@@ -74,6 +76,14 @@ class RegisteredPlugin:
         return "built-in" if self.origin == "built-in" else f"{self.owner} {self.version}".strip()
 
     def unavailable_reason(self) -> str | None:
+        """None, or why it cannot run here and what to install. A check that fails counts as unavailable."""
+        try:
+            reason: object = self.plugin.unavailable_reason()
+        except (Exception, SystemExit) as error:
+            return f"its availability check failed: {describe(error)}"
+        if reason is None or isinstance(reason, str):
+            return reason
+        return f"its availability check failed: it returned {reason!r:.80}, not None or a text"| None:
         """None, or why it cannot run here and what to install. A check that raises counts as unavailable."""
         try:
             return self.plugin.unavailable_reason()
@@ -125,6 +135,18 @@ class Registry:
         """The descriptor of that name. Raises PluginError as `find` does."""
         return self.find(kind, name).plugin
 
+    def why_lost(self, name: str) -> str | None:
+        """Why nothing is called `name` although somebody brought it; None where nobody did."""
+        for kind, clashing in self._clashes:
+            if clashing == name:
+                return self._why_not(kind, name)
+        return next((f"'{name}' cannot be used: {each}" for each in self.broken if name in each.names), None)
+
+    def check_whole(self) -> None:
+        """Raises PluginError where a plugin was left out, whether anybody asked for it or not."""
+        if self.broken:
+            raise PluginError("; ".join(str(each) for each in self.broken))
+
     def loader_for(self, suffix: str) -> LoaderPlugin | None:
         """The loader of files that end in `suffix` (with the dot, any case), or None. What a built-in one reads stays its own.
 
@@ -145,16 +167,23 @@ class Registry:
         """
         entry = self.find(kind, name)
         title = f"{kind} '{name}'"
-        checked = validate_options(title, entry.plugin.options, options or {})
+        try:
+            checked = validate_options(title, entry.plugin.options, options or {})
+        except PhrtError:
+            raise
+        except Exception as error:
+            raise PluginError(f"{title} of {entry.source} cannot check its options: {describe(error)}") from error
         if reason := entry.unavailable_reason():
             raise PluginError(f"{title} is not available here: {reason}")
         factory = import_factory(title, entry)
         try:
-            return factory(checked, **dependencies)
+            made = factory(checked, **dependencies)
         except PhrtError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise PluginError(f"{title} of {entry.source} could not be started: {describe(error)}") from error
+        note_origin(made, entry)
+        return made
 
     # Adding
 
@@ -168,9 +197,13 @@ class Registry:
         owner = owner or default_owner(plugin)
         version = version or str(getattr(plugin, "__version__", ""))
         source = single_descriptor(plugin) if isinstance(plugin, Plugin) else plugin
-        entries = {
-            (e.kind, e.name): e for e in checked_entries(self._offered(source, owner), owner, "registered", version)
-        }
+        try:
+            offered = self._offered(source, owner)
+        except PhrtError:
+            raise
+        except (Exception, SystemExit) as error:
+            raise PluginError(f"a hook of '{owner}' failed: {describe(error)}") from error
+        entries = {(e.kind, e.name): e for e in checked_entries(offered, owner, "registered", version)}
         replaced = [key for key in self._registered_by(owner) if not alone or key in entries]
         for key, entry in entries.items():
             clash = self._plugins.get(key)
@@ -379,6 +412,7 @@ def checked_descriptor(descriptor: object, kind: str) -> Plugin:
         raise PluginError(f"{hook_name(kind)} returned {descriptor!r}, expected a list of {expected.__name__}")
     title = f"{kind} '{descriptor.name}'"
     check_api_version(title, descriptor.api_version)
+    check_fields(title, descriptor)
     module, colon, name = str(descriptor.factory).partition(":")
     if not (descriptor.name and module and colon and name and isinstance(descriptor.factory, str)):
         raise PluginError(f"{title} needs a name and a factory 'module:Class' as text, got '{descriptor.factory}'")

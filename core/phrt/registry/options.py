@@ -19,18 +19,20 @@ BOUNDS = (("ge", ">="), ("gt", ">"), ("le", "<="), ("lt", "<"), ("multiple_of", 
 
 @dataclass(frozen=True)
 class OptionRow:
-    """One option as text. allowed: type, range or choices; default: as a config writes it, "required" if none."""
+    """One option as text. allowed: type, range or choices; default: as a config writes it, "required" if none; unit: of its number,
+    empty where it has none."""
 
     name: str
     allowed: str
     default: str
     meaning: str
+    unit: str = ""
 
 
 def option_rows(model: type[BaseModel]) -> list[OptionRow]:
     """Every option of `model`, in the order of definition."""
     return [
-        OptionRow(name, allowed_values(field), default_text(field), field.description or "")
+        OptionRow(name, allowed_values(field), default_text(field), field.description or "", unit_text(field))
         for name, field in model.model_fields.items()
     ]
 
@@ -92,6 +94,12 @@ def default_text(field: FieldInfo) -> str:
         return "required"
     value = field.get_default(call_default_factory=True, validated_data={})
     return "none" if value is None else str(value)
+
+
+def unit_text(field: FieldInfo) -> str:
+    """The unit that `json_schema_extra={"unit": "metres"}` gives an option; empty where it has none."""
+    extra = field.json_schema_extra
+    return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
 
 
 def type_text(annotation: object) -> str:

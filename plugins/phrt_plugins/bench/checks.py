@@ -18,7 +18,7 @@ from phrt.description.problems import Problems
 from phrt.errors import InputError, OptionError, PluginError, SceneError
 from phrt.registry import get_registry
 from phrt.registry.auto import choose_gbuffer, choose_tracer
-from phrt.registry.local import register_source
+from phrt.registry.local import is_file_source, owner_of, register_source
 from phrt.registry.options import validate_options
 from phrt.scene import Scene
 from phrt_plugins.bench.config import HeuristicEntry, SceneEntry
@@ -234,8 +234,8 @@ def merged(weaker: Mapping[str, Mapping[str, Any]], stronger: Mapping[str, Mappi
 
 
 def plugin_source(source: str, folder: FilePath) -> str:
-    """A plugin's module, or the path of its file, which is relative to the config's `folder`."""
-    return str(folder / source) if source.endswith(".py") or "/" in source else source
+    """A plugin's module, or the whole path of its file, which is given relative to `folder`."""
+    return owner_of(str(folder / source)) if is_file_source(source) else source
 
 
 def find_scene(name: str, folder: FilePath) -> FilePath:

@@ -89,9 +89,9 @@ def bench(
         return
     assert output is not None
     sources = [plugin_source(source, file.folder) for source in file.config.plugins]
-    sources += [plugin_source(source, Path.cwd()) for source in plugin or ()]
+    sources += [plugin_source(source, Path.cwd()) for source in terminal.plugins]
     metrics = None if file.config.metrics is None else tuple(file.config.metrics)
-    work = Work(str(output.absolute()), str(kept), metrics, tuple(sources))
+    work = Work(str(output.absolute()), str(kept), metrics, tuple(dict.fromkeys(sources)))
     outcome = run_bench(
         file, plan, work, resume=resume, retry_failed=retry_failed, executor=executor, jobs=jobs, estimate=estimate
     )

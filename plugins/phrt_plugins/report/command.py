@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from phrt.cli.console import DelayedProgress, say, terminal
-from phrt.cli.options import DebugOption, JsonOption, QuietOption
+from phrt.cli.options import DebugOption, JsonOption, PluginOption, QuietOption
 from phrt.registry import Options
 
 if TYPE_CHECKING:
@@ -49,6 +49,7 @@ def report(
     tables: Annotated[
         Tables | None, typer.Option("--tables", help="Write the leaderboards as tables for a text instead of a page.")
     ] = None,
+    plugin: PluginOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
     debug: DebugOption = False,
