@@ -14,7 +14,7 @@ from phrt.description.assets import AssetRoots
 from phrt.description.document import FORMAT_VERSION, Document, Variant
 from phrt.description.fields import PRIM_NAME
 from phrt.description.prims import PRIM_TYPES
-from phrt.description.problems import Mark, Problems, listed
+from phrt.description.problems import ELSEWHERE, Mark, Problems, listed
 from phrt.description.values import Value, merge, read_file
 from phrt.errors import AssetError, SceneError, did_you_mean
 
@@ -177,7 +177,10 @@ class Composer:
             return
         for key, entry in value.data.items():
             if key not in allowed:
-                message = f"unknown key '{key}' in {where}; allowed: {', '.join(allowed)}.{did_you_mean(key, allowed)}"
+                message = ELSEWHERE.get(
+                    key,
+                    f"unknown key '{key}' in {where}; allowed: {', '.join(allowed)}.{did_you_mean(key, allowed)}",
+                )
                 self._problems.add(entry.mark, "", message)
 
     # Prims and overs

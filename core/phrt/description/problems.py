@@ -10,6 +10,12 @@ from phrt.errors import SceneError
 MOST_REPORTED = 20
 """Problems beyond this many are only counted."""
 
+ELSEWHERE = {
+    "plugins": "plugins: a scene is data and brings no code. Name plugins where the scene is used: --plugin MODULE_OR_FILE on "
+    "the command line, `plugins:` in the config of a benchmark, or phrt.register(...) in Python"
+}
+"""Keys of scenes that have their place somewhere else, and what is said of them."""
+
 
 @dataclass(frozen=True)
 class Mark:

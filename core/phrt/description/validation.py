@@ -6,7 +6,7 @@ from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from phrt.description.problems import Problems, listed
+from phrt.description.problems import ELSEWHERE, Problems, listed
 from phrt.description.values import Value
 from phrt.errors import did_you_mean
 
@@ -48,9 +48,8 @@ def _add(model: type[BaseModel], value: Value, path: str, fault: dict[str, Any],
         allowed = _keys_at(model, inside[:-1])
         unknown = str(inside[-1])
         holder = f" in '{_spelled(inside[:-1])}'" if inside[:-1] else ""
-        problems.add(
-            mark, path, f"unknown key '{unknown}'{holder}; allowed: {listed(allowed)}.{did_you_mean(unknown, allowed)}"
-        )
+        message = f"unknown key '{unknown}'{holder}; allowed: {listed(allowed)}.{did_you_mean(unknown, allowed)}"
+        problems.add(mark, path, ELSEWHERE.get(unknown, message) if path.startswith("/") else message)
     elif kind == "missing":
         if inside and isinstance(inside[-1], int):
             problems.add(mark, path, f"'{_spelled(inside[:-1])}' has too few entries: entry {inside[-1]} is missing")
