@@ -83,12 +83,7 @@ class RegisteredPlugin:
             return f"its availability check failed: {describe(error)}"
         if reason is None or isinstance(reason, str):
             return reason
-        return f"its availability check failed: it returned {reason!r:.80}, not None or a text"| None:
-        """None, or why it cannot run here and what to install. A check that raises counts as unavailable."""
-        try:
-            return self.plugin.unavailable_reason()
-        except Exception as error:
-            return f"its availability check failed: {describe(error)}"
+        return f"its availability check failed: it returned {reason!r:.80}, not None or a text"
 
 
 @dataclass(frozen=True)
@@ -202,7 +197,7 @@ class Registry:
         except PhrtError:
             raise
         except (Exception, SystemExit) as error:
-            raise PluginError(f"a hook of '{owner}' failed: {describe(error)}") from error
+            raise PluginError(f"'{owner}' is refused: its hook failed: {describe(error)}") from error
         entries = {(e.kind, e.name): e for e in checked_entries(offered, owner, "registered", version)}
         replaced = [key for key in self._registered_by(owner) if not alone or key in entries]
         for key, entry in entries.items():
