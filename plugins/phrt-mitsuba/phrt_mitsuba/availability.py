@@ -159,7 +159,8 @@ def trial(variant: str, library: str | None = None) -> str | None:
 def explain(code: int, output: str, errors: str) -> str:
     """What a trial that failed says, in one line: the signal that killed it, or its last word."""
     if code < 0:
-        return f"a trial ray killed its process ({signal.Signals(-code).name})"
+        known = -code in {each.value for each in signal.Signals}
+        return f"a trial ray killed its process ({signal.Signals(-code).name if known else f'signal {-code}'})"
     last = next((line.strip() for line in reversed(errors.splitlines()) if line.strip()), "")
     return (
         f"a trial ray gave {output.strip() or 'nothing'!r}"
