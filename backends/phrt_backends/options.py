@@ -31,10 +31,21 @@ class EmbreeOptions(Options):
 class Open3dOptions(Options):
     """Options of the `open3d` tracer."""
 
-    threads: int = Field(default=0, ge=0, description="Threads of one query; 0 lets Open3D use all cores.")
+    threads: int = Field(
+        default=0,
+        ge=0,
+        json_schema_extra={"unit": "threads"},
+        description="Threads of one query; 0 lets Open3D use all cores.",
+    )
 
 
 class NumpyOptions(Options):
     """Options of the `numpy` tracer."""
 
-    leaf_size: int = Field(default=8, ge=1, le=1024, description="Most triangles in a leaf of the BVH.")
+    leaf_size: int = Field(
+        default=8,
+        ge=1,
+        le=1024,
+        json_schema_extra={"unit": "triangles"},
+        description="Most triangles in a leaf of the BVH.",
+    )

@@ -8,4 +8,10 @@ from phrt.registry import Options
 
 
 class RaycastOptions(Options):
-    chunk_pixels: int = Field(16384, ge=64, le=1 << 20, description="pixels a thread takes at a time, at most")
+    chunk_pixels: int = Field(
+        16384,
+        ge=64,
+        le=1 << 20,
+        json_schema_extra={"unit": "pixels"},
+        description="pixels a thread takes at a time, at most",
+    )

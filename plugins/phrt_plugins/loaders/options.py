@@ -24,6 +24,7 @@ class GltfOptions(Options):
         default=8192,
         ge=1,
         le=16384,
+        json_schema_extra={"unit": "texels"},
         description="Textures wider or higher than this many pixels are made smaller when they are read.",
     )
 
@@ -31,10 +32,22 @@ class GltfOptions(Options):
 class AtriumOptions(Options):
     """Options of the procedural atrium."""
 
-    bays_x: int = Field(default=6, ge=2, le=40, description="Open bays of the courtyard along X; a bay is 3 m.")
-    bays_z: int = Field(default=4, ge=2, le=40, description="Open bays of the courtyard along Z.")
+    bays_x: int = Field(
+        default=6,
+        ge=2,
+        le=40,
+        json_schema_extra={"unit": "bays"},
+        description="Open bays of the courtyard along X; a bay is 3 m.",
+    )
+    bays_z: int = Field(
+        default=4, ge=2, le=40, json_schema_extra={"unit": "bays"}, description="Open bays of the courtyard along Z."
+    )
     storeys: int = Field(
-        default=2, ge=1, le=4, description="Gallery levels; the ground floor is vaulted, the top is timbered."
+        default=2,
+        ge=1,
+        le=4,
+        json_schema_extra={"unit": "storeys"},
+        description="Gallery levels; the ground floor is vaulted, the top is timbered.",
     )
     detail: float = Field(
         default=1.0,
@@ -60,6 +73,7 @@ class MeshOptions(Options):
         default=45.0,
         ge=0.0,
         le=180.0,
+        json_schema_extra={"unit": "degrees"},
         description="Computed normals are smooth across edges whose faces differ by at most this many degrees.",
     )
     weld: bool = Field(
@@ -70,7 +84,11 @@ class MeshOptions(Options):
         description="What becomes an object of an OBJ file: its `o`, its `g`, or the whole file; auto: `o`, else `g`.",
     )
     max_texture_size: int = Field(
-        default=8192, ge=1, le=16384, description="Textures wider or higher than this are made smaller when read."
+        default=8192,
+        ge=1,
+        le=16384,
+        json_schema_extra={"unit": "texels"},
+        description="Textures wider or higher than this are made smaller when read.",
     )
 
 

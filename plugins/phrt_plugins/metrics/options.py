@@ -12,6 +12,7 @@ class FlipOptions(Options):
         67.020643,
         ge=5.0,
         le=500.0,
+        json_schema_extra={"unit": "pixels per degree"},
         description="of the viewer's visual field: 0.7 m from a display of 0.7 m with 3840 pixels",
     )
 
