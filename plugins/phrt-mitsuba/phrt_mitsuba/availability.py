@@ -25,6 +25,7 @@ from functools import cache
 from typing import Any, Literal
 
 from phrt.errors import PluginError
+
 from phrt_mitsuba import llvm
 
 Device = Literal["auto", "llvm", "cuda"]
@@ -158,12 +159,10 @@ def trial(variant: str, library: str | None = None) -> str | None:
 
 def explain(code: int, output: str, errors: str) -> str:
     """What a trial that failed says, in one line: the signal that killed it, or its last word."""
+    if code == 0:
+        return f"a trial ray gave {output.strip() or 'nothing'!r}"
     if code < 0:
-        known = -code in {each.value for each in signal.Signals}
-        return f"a trial ray killed its process ({signal.Signals(-code).name if known else f'signal {-code}'})"
-    last = next((line.strip() for line in reversed(errors.splitlines()) if line.strip()), "")
-    return (
-        f"a trial ray gave {output.strip() or 'nothing'!r}"
-        if code == 0
-        else f"a trial ray failed: {last or f'exit {code}'}"
-    )
+        names = {int(each): each.name for each in signal.Signals}
+        return f"a trial ray killed its process ({names.get(-code, f'signal {-code}')})"
+    last = next((line.strip() for line in reversed(errors.splitlines()) if line.strip()), f"exit {code}")
+    return f"a trial ray failed: {last}"

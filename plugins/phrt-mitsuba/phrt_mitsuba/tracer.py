@@ -24,11 +24,11 @@ import threading
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-
 from phrt.conventions import NO_PRIMITIVE
 from phrt.errors import PhrtError
 from phrt.interfaces.tracer import Tracer, TracerCapabilities
 from phrt.rays import HitBatch, RayBatch
+
 from phrt_mitsuba.availability import choose_variant, load_mitsuba
 from phrt_mitsuba.geometry import Layer, make_layer
 from phrt_mitsuba.options import MitsubaOptions

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import needs
 import numpy as np
-import pytest
-
 import phrt
+import pytest
 from phrt.output.tonemap import to_8bit
 from phrt_mitsuba.availability import unavailable_reason
 

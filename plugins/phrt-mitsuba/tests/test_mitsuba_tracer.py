@@ -8,13 +8,11 @@ from pathlib import Path
 
 import needs
 import numpy as np
-import pytest
-
 import phrt
+import pytest
 from phrt.conventions import NO_PRIMITIVE
 from phrt.errors import PhrtError
 from phrt.interfaces.tracer import Tracer
-from phrt.rays import RayBatch
 from phrt.registry import get_registry
 from phrt.testing import check_tracer
 from phrt.testing.tracers import few_triangles, rays_between, rays_of
