@@ -13,6 +13,9 @@ Better = Literal["lower", "higher", "neither"]
 Statistic = Literal["mean", "p50", "p95", "p99", "max", "sum"]
 Scope = Literal["shot", "run"]
 
+RESERVED_COLUMNS = ("frame", "oracle_share", "parts_share", "relevance_share")
+"""Columns that comparisons have anyway: no metric can call one of its own so."""
+
 
 @dataclass(frozen=True)
 class Column:

@@ -13,7 +13,7 @@ from typing import Any, get_args
 import numpy as np
 from pydantic import BaseModel
 
-from phrt.interfaces.metric import Better, Column, Metric, RunFrames, Scope, Shot, Statistic
+from phrt.interfaces.metric import RESERVED_COLUMNS, Better, Column, Metric, RunFrames, Scope, Shot, Statistic
 from phrt.output.tonemap import linear_from_srgb
 from phrt.testing.contract import Contract, Given, Maker
 
@@ -160,8 +160,9 @@ def _check_columns(contract: Contract, columns: Sequence[object]) -> None:
     for column in columns:
         contract.holds(isinstance(column, Column), f"columns are Column objects, not {column!r}")
         assert isinstance(column, Column)
-        named = NAME.fullmatch(column.name) and column.name != "frame"
-        contract.holds(named, f"columns are named in lower case with underscores, and not 'frame': {column.name!r}")
+        named = NAME.fullmatch(column.name) and column.name not in RESERVED_COLUMNS
+        rule = f"columns are named in lower case with underscores, and not {', '.join(RESERVED_COLUMNS)}"
+        contract.holds(named, rule, column.name)
         for field, allowed in (("better", Better), ("statistic", Statistic), ("scope", Scope)):
             value, choices = getattr(column, field), get_args(allowed)
             contract.holds(value in choices, f"`{field}` is one of {', '.join(choices)}, not {value!r}", column.name)

@@ -18,12 +18,10 @@ from typing import get_args
 import numpy as np
 
 from phrt.errors import OptionError, PhrtWarning, PluginError, did_you_mean
-from phrt.interfaces.metric import Better, Column, Metric, RunFrames, Scope, Shot, Statistic
+from phrt.interfaces.metric import RESERVED_COLUMNS, Better, Column, Metric, RunFrames, Scope, Shot, Statistic
 from phrt.registry.manager import describe, get_registry
 from phrt_plugins.metrics.pictures import SMALLEST_SIDE
 
-RESERVED = ("frame",)
-"""Columns that tables of measures have anyway."""
 COLUMN_NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
@@ -83,10 +81,10 @@ def column_problem(column: object) -> str | None:
     """None, or what is wrong with what a metric calls a column."""
     if not isinstance(column, Column):
         return f"its column {column!r} is no phrt.interfaces.metric.Column"
-    if not COLUMN_NAME.fullmatch(column.name) or column.name in RESERVED:
+    if not COLUMN_NAME.fullmatch(column.name) or column.name in RESERVED_COLUMNS:
         return (
             f"a column cannot be called '{column.name}'; names are lower case letters, digits and underscores, "
-            f"and not {', '.join(RESERVED)}"
+            f"and not {', '.join(RESERVED_COLUMNS)}"
         )
     for field, allowed in (("better", Better), ("statistic", Statistic), ("scope", Scope)):
         if getattr(column, field) not in get_args(allowed):
