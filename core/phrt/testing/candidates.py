@@ -22,6 +22,7 @@ from phrt.interfaces.heuristic import (
     Request,
 )
 from phrt.testing.contract import Contract
+from phrt.testing.pictures import StripedPicture
 from phrt.testing.worlds import at, box, world_of
 from phrt.world import World
 
@@ -86,10 +87,19 @@ def small_world() -> World:
     return world_of([(box(), at(x=2.0 * i)) for i in range(OBJECTS)])
 
 
+@cache
+def striped() -> StripedPicture:
+    """A picture in which the boxes of `small_world` are stripes, for heuristics that look at it."""
+    return StripedPicture(OBJECTS)
+
+
 def context(budget: float = math.inf, frame_index: int = 0, **changes: Any) -> FrameContext:
-    """A budget of rays, or none where it is infinite, in a frame of `small_world`; `changes` replace other fields."""
+    """A budget of rays, or none where it is infinite, in a frame of `small_world` with a made-up picture; `changes` replace other
+    fields."""
     unit: BudgetUnit = "rays" if math.isfinite(budget) else "none"
-    made = FrameContext(world=small_world(), frame_index=frame_index, time=0.0, budget=budget, budget_unit=unit)
+    made = FrameContext(
+        world=small_world(), frame_index=frame_index, time=0.0, budget=budget, budget_unit=unit, raster=striped()
+    )
     return replace(made, **changes)
 
 

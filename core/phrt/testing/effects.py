@@ -150,6 +150,8 @@ class _Check:
         fits = traced is None or (isinstance(traced, np.ndarray) and traced.dtype == np.uint8 and traced.shape == shape)
         self._holds(fits, f"`traced` is None or uint8{shape}, not {_kind(traced)}")
         self._holds(result.rays == asked, f"`rays` is how many were traced: {asked}, not {result.rays!r}")
+        shared = result.shared_rays
+        self._holds(0 <= shared <= asked, f"`shared_rays` is 0 to all of them, {asked}; not {shared!r}")
         self._holds(np.array_equal(pixels, given), "the pixels are not changed")
         return result
 

@@ -199,6 +199,10 @@ def _objects_that_cast_no_shadow(bench: _Bench) -> None:
         bench.holds(
             blocked.tolist() == [False, True], "an object that casts no shadow does not block, one behind it does"
         )
+        hits, _ = bench.answers(tracer, replace(rays, casters_only=True), "casters_only")
+        near, far = hits.primitive.tolist()
+        rule = "casters_only may leave out what casts no shadow, and never what does"
+        bench.holds(near in (0, NO_PRIMITIVE) and far in (0, 1), rule, f"hits {near} and {far}")
 
 
 def _hints(bench: _Bench) -> None:
