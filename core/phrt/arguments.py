@@ -8,7 +8,9 @@ from typing import TypeVar
 import numpy as np
 
 from phrt.candidates import EffectScope
-from phrt.errors import OptionError, PluginError, did_you_mean
+from phrt.errors import OptionError, did_you_mean
+from phrt.faults.declared import check_declared
+from phrt.faults.making import make
 from phrt.interfaces.effect import RayEffect
 from phrt.interfaces.heuristic import Heuristic
 from phrt.limits import MAX_PIXELS, MAX_SIDE
@@ -78,8 +80,10 @@ def camera_number(scene: Scene, given: int | str) -> int:
 def make_heuristic(given: str | Heuristic, options: Mapping[str, object] | None) -> Heuristic:
     """`given`, or the plugin of that name with `options`."""
     if isinstance(given, str):
-        made: Heuristic = get_registry().create("heuristic", given, options)
+        made: Heuristic = make("heuristic", given, options)
         return made
+    if not isinstance(given, Heuristic):
+        raise OptionError(f"heuristic is {given!r:.80}; it must be a name or a phrt.interfaces.heuristic.Heuristic")
     if options:
         raise OptionError("heuristic_options are for a heuristic given by name; this one is made already")
     return given
@@ -98,7 +102,9 @@ def make_effects(scene: Scene, options: Mapping[str, Mapping[str, object]] | Non
             registry.get("effect", name)
             given.setdefault(name, {}).update(values)
     wanted = {name for name, values in given.items() if _enabled(name, values.pop("enabled", True))}
-    return [registry.create("effect", name, given[name]) for name in registry.names("effect") if name in wanted]
+    made: list[RayEffect] = [make("effect", name, given[name]) for name in registry.names("effect") if name in wanted]
+    check_declared(made)
+    return made
 
 
 def _enabled(effect: str, value: object) -> bool:
@@ -109,12 +115,4 @@ def _enabled(effect: str, value: object) -> bool:
 
 def scopes_of(effects: list[RayEffect], world: World) -> list[EffectScope]:
     """Where each effect may act in `world`. Raises PluginError naming an effect that cannot say."""
-    scopes = []
-    for effect in effects:
-        try:
-            scopes.append(EffectScope.of(effect, world))
-        except Exception as error:
-            raise PluginError(
-                f"effect '{effect.name}' cannot say where it applies: {type(error).__name__}: {error}"
-            ) from error
-    return scopes
+    return [EffectScope.of(effect, world) for effect in effects]

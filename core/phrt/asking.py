@@ -11,8 +11,8 @@ from typing import TypeVar
 import numpy as np
 
 from phrt import watchdog
-from phrt.errors import PluginError
 from phrt.faults import Faults
+from phrt.faults.fault import CAUGHT, raised
 from phrt.interfaces.heuristic import PASSES, Candidates, FrameContext, Heuristic, Request
 from phrt.kernels.booking import first_repeated
 from phrt.ledger import ALL_PIXELS, NO_PARTS, Ledger, Parts
@@ -177,11 +177,9 @@ class Asking:
     def _nonsense(self, item: int) -> None:
         self._fault(f"returned item {item}: not one of {len(self._price)}, or twice")
 
-    def _fault(self, what: str, cause: Exception | None = None) -> None:
+    def _fault(self, cause: str, error: BaseException | None = None) -> None:
         self._done = True
-        failure = PluginError(f"heuristic {type(self._heuristic).__name__} {what}")
-        failure.__cause__ = cause
-        self._faults.lose_heuristic(failure)
+        self._faults.lose_heuristic(self._heuristic, cause, error)
 
     def _call(self, call: str, function: Callable[[], R]) -> R | None:
         if self._done:
@@ -191,6 +189,6 @@ class Asking:
                 return function()
         except NeverReturned:
             self._fault(f"did not return from {call}() within {watchdog.PATIENCE_S:g} seconds")
-        except Exception as error:
-            self._fault(f"failed in {call}(): {type(error).__name__}: {error}", error)
+        except CAUGHT as error:
+            self._fault(raised(f"{call}()", error), error)
         return None

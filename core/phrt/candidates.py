@@ -11,6 +11,7 @@ import numpy as np
 
 from phrt.costs import CostModelName, CostModels
 from phrt.experience import Experience
+from phrt.faults.declared import checked_applies, checked_rays
 from phrt.frame import MASK_HISTORY, Frame
 from phrt.interfaces.effect import RayEffect
 from phrt.interfaces.heuristic import PASSES, BudgetUnit, Candidates
@@ -37,13 +38,14 @@ class EffectScope:
 
     @classmethod
     def of(cls, effect: RayEffect, world: World) -> EffectScope:
+        """Raises PluginFailure naming an effect that cannot say, or says what cannot be."""
         switches = ["never", *(entry.effects.get(effect.switch, "auto") for entry in world.scene.objects)]
-        applies = effect.applies_to(world)
+        applies = checked_applies(effect, world)
         return cls(
             applies=applies,
             allowed=np.array([switch != "never" for switch in switches]) & world.object_has(applies),
             mandatory=np.array([switch == "always" for switch in switches]),
-            rays_per_pixel=effect.rays_per_pixel(world),
+            rays_per_pixel=checked_rays(effect, world),
         )
 
     @cached_property

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from phrt.budget import UNLIMITED, Budget
 from phrt.camera import CameraView
 from phrt.channels import GBuffer
+from phrt.interfaces.effect import Adds
 from phrt.interfaces.gbuffer import GBufferProducer
 from phrt.interfaces.heuristic import BudgetUnit, Candidates
 from phrt.interfaces.tracer import Tracer
 from phrt.kernels.arrays import EnvironmentArrays, GeometryArrays, MaterialArrays, SurfaceArrays
 from phrt.workers import Workers
 from phrt.world import World
+
+if TYPE_CHECKING:
+    from phrt.faults.fault import Fault
 
 MASK_NONE, MASK_FALLBACK, MASK_TRACED, MASK_FILLED, MASK_HISTORY = 0, 1, 2, 3, 4
 """A layer's mask: the layer's clear value, the effect's fallback, traced, filled from traced neighbours, a value of an
@@ -76,6 +81,7 @@ class Decisions:
     left          : what was left of it at the end; +inf without one
     ray_ms        : how long the ray phase took by the renderer's clock
     waves         : in how many waves
+    score         : (n,) float32, what the heuristic ranked items by (`Heuristic.scores`); NaN for one that does not say
 
     Rays and milliseconds of small items are their share, by prediction, of what items of their effect took together.
     """
@@ -93,6 +99,7 @@ class Decisions:
     left: float = math.inf
     ray_ms: float = 0.0
     waves: int = 0
+    score: np.ndarray = field(default_factory=lambda: np.zeros(0, np.float32))
 
     @property
     def overrun_ms(self) -> float:
@@ -113,7 +120,9 @@ class FrameResult:
     exposure: what the image was multiplied with, the camera's times the scene's. view: camera of the last sample.
     world: the scene as it is; rendering the next frame moves it on. time: seconds.
     samples: the decisions of every sub-pixel sample, each its own. effect_layers: name of the layer that an effect writes.
+    added_layers: what layers bring that the composition does not know by name, see `LayerSpec`.
     budget: the frame's. headroom_ms: what was kept back of a frame budget. clock_ms: what the frame took by the renderer's clock.
+    faults: what plugins did wrong in it, as far as it was not told in an earlier frame.
     """
 
     image: np.ndarray
@@ -135,6 +144,8 @@ class FrameResult:
     clock_ms: float = 0.0
     samples: tuple[Decisions, ...] = ()
     effect_layers: dict[str, str] = field(default_factory=dict)
+    added_layers: dict[str, Adds] = field(default_factory=dict)
+    faults: tuple[Fault, ...] = ()
 
     @property
     def late(self) -> bool:

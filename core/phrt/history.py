@@ -17,6 +17,7 @@ import numpy as np
 from phrt.buffers import BufferPool
 from phrt.camera import CameraView
 from phrt.faults import Faults
+from phrt.faults.declared import checked_applies
 from phrt.frame import MASK_HISTORY, MASK_NONE, MASK_TRACED, Frame
 from phrt.interfaces.effect import HistoryRule, RayEffect
 from phrt.kernels.history import TILE, carry, choose_values, forget_crossed, match_pixels
@@ -72,7 +73,7 @@ class History:
         self._rules = {effect.writes.name: effect.history for effect in effects if effect.history is not None}
         self._first_light = {effect.writes.name: _first_light(effect) for effect in effects}
         self._one_light = {effect.writes.name for effect in effects if isinstance(effect, OneLight)}
-        self._applies = {effect.writes.name: effect.applies_to(world) for effect in effects}
+        self._applies = {effect.writes.name: checked_applies(effect, world) for effect in effects}
         self._clear = {effect.writes.name: effect.writes.clear for effect in effects}
         self._spheres = BoundingSpheres(world)
         self._buffers = buffers

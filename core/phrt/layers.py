@@ -9,9 +9,10 @@ import numpy as np
 from phrt.buffers import BufferPool
 from phrt.candidates import WorkItems
 from phrt.faults import Faults
+from phrt.faults.declared import LAYERS
 from phrt.frame import MASK_FALLBACK, MASK_FILLED, MASK_HISTORY, MASK_NONE, MASK_TRACED, Decisions, Frame
-from phrt.interfaces.effect import RayEffect
-from phrt.kernels.layers import fill_gaps, scatter
+from phrt.interfaces.effect import Adds, RayEffect
+from phrt.kernels.layers import FILLED, MISSING, fill_gaps, scatter
 from phrt.lightwise import OneLight
 from phrt.runs import merged
 from phrt.workers import Workers, chunks
@@ -26,27 +27,25 @@ class LayerSet:
 
     ages: (P,) uint8 by layer name, how many frames ago the values that are MASK_HISTORY were traced, or stood last before the
     ray phase; layers that have none are left out. 255 stands for more.
+    adds: what layers bring that the composition does not know by name, see `LayerSpec`; those that bring nothing are left out.
     """
 
     arrays: dict[str, np.ndarray]
     masks: dict[str, np.ndarray]
     rays: dict[str, int] = field(default_factory=dict)
     ages: dict[str, np.ndarray] = field(default_factory=dict)
+    adds: dict[str, Adds] = field(default_factory=dict)
 
 
 def clear_layers(effects: list[RayEffect], world: World, count: int, buffers: BufferPool, workers: Workers) -> LayerSet:
     """Every layer the composition reads, and those of further effects, at its clear value; `count` pixels each."""
-    wanted = {
-        "visibility": (len(world.lights), 1.0),
-        "ambient_occlusion": (1, 1.0),
-        "reflection": (3, 0.0),
-        "refraction": (3, 0.0),
-    }
+    wanted = {name: (components or len(world.lights), clear) for name, (components, clear) in LAYERS.items()}
     one_light = [effect for effect in effects if isinstance(effect, OneLight)]
     for effect in effects:
         if not isinstance(effect, OneLight):
             wanted.setdefault(effect.writes.name, (effect.writes.width(world), effect.writes.clear))
     layers = LayerSet({}, {})
+    layers.adds = {effect.writes.name: effect.writes.adds for effect in effects if effect.writes.adds}
     fills: list[tuple[np.ndarray, float]] = []
     for name, (components, clear) in wanted.items():
         layers.arrays[name] = buffers.take((count, components))
@@ -63,28 +62,21 @@ def clear_layers(effects: list[RayEffect], world: World, count: int, buffers: Bu
 def apply_fallbacks(
     frame: Frame, effects: list[RayEffect], work: WorkItems, decisions: Decisions, layers: LayerSet, faults: Faults
 ) -> None:
-    """Partly traced items, and those for which values of earlier frames stand in at most pixels, have their gaps filled; what is
-    still missing, and what was not traced, takes the fallback."""
+    """Items that were not traced whole, and hold values of this frame or earlier ones, have their gaps filled; what is still
+    missing, and what holds none, takes the fallback."""
     traced, units = decisions.traced_pixels, work.units
-    untraced, partial = traced == 0, (traced > 0) & (traced < decisions.candidates.pixel_count)
-    mostly_held = 2 * units.held >= units.count
+    part = (traced / np.maximum(decisions.candidates.pixel_count, 1))[units.item]
+    few = units.held + part * units.count < 0.5 * units.count
     for index, effect in enumerate(effects):
-        mine = units.effect == index
-        stale = mine & untraced[units.item] & mostly_held & (not faults.is_off(effect))
-        gone = merged(work, index, np.flatnonzero(mine & untraced[units.item] & ~stale))
-        begun = merged(work, index, np.flatnonzero(mine & partial[units.item] | stale))
-        missing = _fill(frame, effect, _concerned(frame, effect, begun, faults), layers)
-        left = [_concerned(frame, effect, _missing(gone, layers, effect, faults), faults), *missing]
+        mine = (units.effect == index) & (part < 1)
+        begun = mine & ((part > 0) | (units.held > 0) & (not faults.is_off(effect)))
+        left = [_concerned(frame, effect, merged(work, index, np.flatnonzero(mine & ~begun)), faults)]
+        for doubt in (False, True):
+            pixels = merged(work, index, np.flatnonzero(begun & (few == doubt)))
+            left += _fill(frame, effect, _concerned(frame, effect, pixels, faults), layers, doubt)
         pixels = np.concatenate(left)
         if len(pixels):
             _fall_back(frame, effect, np.ascontiguousarray(pixels), layers, faults)
-
-
-def _missing(pixels: np.ndarray, layers: LayerSet, effect: RayEffect, faults: Faults) -> np.ndarray:
-    """Those of `pixels` that hold no value of an earlier frame; all of an effect that is switched off."""
-    if faults.is_off(effect) or effect.writes.name not in layers.ages:
-        return pixels
-    return pixels[layers.masks[effect.writes.name][pixels] != MASK_HISTORY]
 
 
 def _concerned(frame: Frame, effect: RayEffect, pixels: np.ndarray, faults: Faults) -> np.ndarray:
@@ -95,28 +87,33 @@ def _concerned(frame: Frame, effect: RayEffect, pixels: np.ndarray, faults: Faul
     return pixels if applies is None else pixels[applies]
 
 
-def _fill(frame: Frame, effect: RayEffect, pixels: np.ndarray, layers: LayerSet) -> list[np.ndarray]:
-    """Fill the gaps among `pixels` from neighbours that hold a value, of this frame or an earlier one; returns the pixels that
-    have none."""
+def _fill(frame: Frame, effect: RayEffect, pixels: np.ndarray, layers: LayerSet, doubt: bool) -> list[np.ndarray]:
+    """Fill the gaps among `pixels` from neighbours that hold a value, of this frame or an earlier one; returns the pixels where
+    there are too few. doubt: of earlier values, too."""
     name = effect.writes.name
     layer, mask = layers.arrays[name], layers.masks[name]
     object_id, width, height = frame.surfaces.object_id, frame.view.width, frame.view.height
+    found = np.empty(len(pixels), np.uint8)
 
-    def fill(pixels: np.ndarray) -> np.ndarray:
-        if fill_gaps(pixels, object_id, mask, width, height, MASK_TRACED, MASK_HISTORY, MASK_FILLED, layer):
-            return pixels[mask[pixels] == MASK_NONE]
-        return pixels[:0]
+    def fill(piece: slice) -> np.ndarray:
+        own = pixels[piece]
+        left = fill_gaps(own, object_id, mask, width, height, MASK_TRACED, MASK_HISTORY, doubt, layer, found[piece])
+        return own[found[piece] >= MISSING] if left else own[:0]
 
-    return frame.workers.map(fill, [pixels[piece] for piece in chunks(len(pixels), CHUNK, frame.workers.threads)])
+    pieces = chunks(len(pixels), CHUNK, frame.workers.threads)
+    missing = frame.workers.map(fill, pieces)
+    mask[pixels[found == FILLED]] = MASK_FILLED
+    return missing
 
 
 def _fall_back(frame: Frame, effect: RayEffect, pixels: np.ndarray, layers: LayerSet, faults: Faults) -> None:
-    """The effect's fallback at `pixels`; also over what an effect traced there before it was switched off."""
+    """The effect's fallback at `pixels`; also over what stands there: too few values of an earlier frame, or what an effect traced
+    before it was switched off."""
     name = effect.writes.name
     layer, mask = layers.arrays[name], layers.masks[name]
     values, code = faults.fallback(effect, frame, pixels), MASK_FALLBACK
     if values is None:
-        if not faults.is_off(effect) or not mask[pixels].any():
+        if not mask[pixels].any():
             return
         values, code = np.full((len(pixels), layer.shape[1]), effect.writes.clear, np.float32), MASK_NONE
     everywhere = np.ones(len(pixels), np.uint8)

@@ -26,31 +26,35 @@ class OneLight(RayEffect):
         )
         self.layer, self.light = effect.writes.name, light
         self.history = effect.history
-        self._effect, self._lights, self._first = effect, lights, light == 0
+        self.whole, self._lights, self._first = effect, lights, light == 0
 
     @property
     def switch(self) -> str:
-        return self._effect.switch
+        return self.whole.switch
 
     def applies_to(self, world: World) -> np.ndarray:
-        return self._effect.applies_to(world)
+        return self.whole.applies_to(world)
 
     def rays_per_pixel(self, world: World) -> float:
-        return self._effect.rays_per_pixel(world) / self._lights
+        return self.whole.rays_per_pixel(world) / self._lights
 
     def applies_at(self, frame: Frame, pixels: np.ndarray) -> np.ndarray | None:
-        return self._effect.applies_at(frame, pixels)
+        return self.whole.applies_at(frame, pixels)
 
     def trace(self, frame: Frame, pixels: np.ndarray) -> EffectResult:
-        result = self._effect.trace(replace(frame, only_light=self.light), pixels)
+        result = self.whole.trace(replace(frame, only_light=self.light), pixels)
         return replace(result, values=self._component(result.values))
 
     def prepare_fallback(self, frame: Frame) -> None:
         if self._first:
-            self._effect.prepare_fallback(frame)
+            self.whole.prepare_fallback(frame)
+
+    def begin_run(self) -> None:
+        if self._first:
+            self.whole.begin_run()
 
     def fallback(self, frame: Frame, pixels: np.ndarray) -> np.ndarray | None:
-        values = self._effect.fallback(replace(frame, only_light=self.light), pixels)
+        values = self.whole.fallback(replace(frame, only_light=self.light), pixels)
         return None if values is None else self._component(values)
 
     def _component(self, values: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import replace
 from os import PathLike
 from types import TracebackType
@@ -11,6 +12,7 @@ from types import TracebackType
 import numpy as np
 
 from phrt.arguments import camera_number, checked_matrix, checked_size, make_effects
+from phrt.backends import Backends
 from phrt.budget import Budget
 from phrt.buffers import BufferPool
 from phrt.camera import CameraView
@@ -20,6 +22,7 @@ from phrt.controls import Conditions, Controls, changed
 from phrt.cost_memory import CostMemory, run_key
 from phrt.costs import CostModelName
 from phrt.errors import OptionError, did_you_mean
+from phrt.faults.fault import PluginFailure
 from phrt.frame import Decisions, FrameResult
 from phrt.interfaces.effect import RayEffect
 from phrt.interfaces.gbuffer import GBufferProducer
@@ -64,7 +67,7 @@ class Renderer:
     aa        : samples per pixel by sub-pixel jitter; 1 for real time
     remember_costs: start from what earlier runs on this machine learnt of costs, and keep what this one learns; real clocks only
     history   : where nothing is traced, values of earlier frames stand in for the fallback as long as they hold; not with aa
-    strict    : an effect that fails raises instead of being switched off
+    strict    : a plugin that fails is a PluginError instead of a PhrtWarning (phrt.faults)
 
     controls  : what was asked for with `control`
     conditions: what holds in the latest frame; its budget and persistence are attributes of their own as well
@@ -116,20 +119,27 @@ class Renderer:
         self.tracer_name = choose_tracer(registry).name if tracer == "auto" else tracer
         self.gbuffer_name = choose_gbuffer(registry).name if gbuffer == "auto" else gbuffer
         made = make_effects(self.scene, effects)
-        self.workers = Workers(threads)
-        self.world = World(self.scene)
-        self.tracer: Tracer = registry.create("tracer", self.tracer_name)
-        self.traces_primary = bool(getattr(registry.get("gbuffer", self.gbuffer_name), "needs_tracer", False))
-        dependencies = {"tracer": self.tracer, "workers": self.workers} if self.traces_primary else {}
-        self.producer: GBufferProducer = registry.create("gbuffer", self.gbuffer_name, **dependencies)
-        self._moved = False
-        self._build()
-        self.buffers = BufferPool()
-        key = run_key(self.scene.name, self.tracer_name, self.workers.threads) if remember_costs else None
-        self._memory = CostMemory(key)
-        self._ground = Ground(self.scene, self.world, aa, made, effects or (), known, self._memory, self.buffers)
-        self.run = RunState(self._ground, terms)
-        self._closed = False
+        self._closed = self._moved = False
+        self.fallbacks_hold = False
+        with ExitStack() as undo:
+            # Where something cannot be made, what was made before is given back.
+            self.workers = Workers(threads)
+            undo.callback(self.workers.close)
+            self.world = World(self.scene)
+            self._backends = Backends(self.tracer_name, self.gbuffer_name, self.world, self.workers)
+            undo.callback(self._backends.close)
+            self.tracer: Tracer = self._backends.tracer
+            self.producer: GBufferProducer = self._backends.producer
+            self.traces_primary = self._backends.traces_primary
+            self.buffers = BufferPool()
+            key = run_key(self.scene.name, self.tracer_name, self.workers.threads) if remember_costs else None
+            self._memory = CostMemory(key)
+            self._ground = Ground(
+                self.scene, self.world, self.tracer, aa, made, effects or (), known, self._memory, self.buffers
+            )
+            self.run = RunState(self._ground, terms)
+            undo.pop_all()
+        self._backends.producer.thorough = strict
 
     def restart(
         self,
@@ -160,21 +170,20 @@ class Renderer:
             reserve_ms=reserve_ms, strict=strict,
         )  # fmt: skip
         ended, self.run = self.run, RunState(self._ground, terms)
+        self._backends.producer.thorough = strict
         ended.end()
-        if self._moved:
-            # A tracer may hold what was moved by hand in another way than what stood still from the start.
+        if self._moved or ended.faults.tracer_failure is not None:
+            # A tracer may hold what was moved by hand in another way than what stood still from the start; one that failed may hold
+            # anything.
             self.world.overrides.clear()
             self.world.advance(0.0)
             self._moved = False
-            self._build()
+            self._backends.build()
+            self.fallbacks_hold = False
+        for effect in self._ground.effects:
+            self.run.faults.begin_run(effect)
         if ended.faults.any_fallback_lost or ended.terms.group_by != terms.group_by:
             self.fallbacks_hold = False
-
-    def _build(self) -> None:
-        """Hand the world to tracer and producer as it is now."""
-        self.tracer.build(self.world)
-        self.producer.build(self.world)
-        self.fallbacks_hold = False
 
     def __enter__(self) -> Renderer:
         return self
@@ -182,18 +191,33 @@ class Renderer:
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        try:
+            self.close()
+        except PluginFailure:
+            # What fails at the end does not hide what failed before.
+            if value is None:
+                raise
 
     def close(self) -> None:
-        """Give threads, tracer and GL context back. Nothing can be rendered after it; closing again does nothing."""
+        """Give threads, tracer and GL context back. Nothing can be rendered after it; closing again does nothing.
+
+        A plugin that fails in it costs a PhrtWarning, with `strict` a PluginFailure once everything is closed.
+        """
         if self._closed:
             return
         self._closed = True
         self.run.end()
         self._memory.write()
-        self.producer.close()
-        self.tracer.close()
+        self.run.faults.begin_frame(None)
+        failed = None
+        for kind, plugin, error in self._backends.close():
+            try:
+                self.run.faults.not_closed(kind, plugin, error)
+            except PluginFailure as told:
+                failed = failed or told
         self.workers.close()
+        if failed is not None:
+            raise failed
 
     # What holds in this run
 
@@ -277,14 +301,18 @@ class Renderer:
 
         frame_index: what randomness is seeded with; by default frames count up from 0.
 
-        Raises OptionError for a time that is not finite and an unknown camera, RuntimeError once closed, and PluginError
-        when the heuristic fails.
+        Raises OptionError for a time that is not finite and an unknown camera, RuntimeError once closed, and PluginError when the
+        G-buffer producer fails, or, with `strict`, any plugin.
         """
         self._check_open()
         if not math.isfinite(time):
             raise OptionError(f"time is {time}; it must be a finite number of seconds")
         with garbage_waits():
-            return self._render(time, frame_index, camera)
+            try:
+                return self._render(time, frame_index, camera)
+            except PluginFailure as failed:
+                self.run.faults.note(failed.fault)
+                raise
 
     def _render(self, time: float, frame_index: int | None, camera: int | str | CameraView) -> FrameResult:
         """`render`, with what was given checked."""
@@ -318,8 +346,7 @@ class Renderer:
         """The world, and all who hold a part of it, at `time` seconds."""
         changes = self.world.advance(time)
         if changes.objects:
-            self.tracer.update(self.world, changes)
-            self.producer.update(self.world, changes)
+            self._backends.follow(changes, self.run.faults)
         if changes:
             self.fallbacks_hold = False
 

@@ -18,9 +18,11 @@ from phrt.costs import COST_MODELS, CostModelName, CostModels
 from phrt.errors import OptionError
 from phrt.experience import Experience
 from phrt.faults import Faults
+from phrt.faults.tracer import GuardedTracer
 from phrt.history import History
 from phrt.interfaces.effect import RayEffect
 from phrt.interfaces.heuristic import Heuristic
+from phrt.interfaces.tracer import Tracer
 from phrt.lightwise import by_light
 from phrt.profile import Profile
 from phrt.profile_use import known_costs, known_rays
@@ -38,6 +40,7 @@ class Ground:
 
     scene: Scene
     world: World
+    tracer: Tracer
     aa: int
     effects: list[RayEffect]
     redefined: Collection[str]
@@ -103,7 +106,7 @@ class RunState:
     controls, conditions: as `Renderer` says; measure_change, measure_each: too
     effects   : by item: light by light where that was asked for; scopes: where each of them may act
     sight     : how objects were seen; experience, costs: what was learnt of them; history: the previous frame's layers
-    faults    : what failed; scheduler, allowance: hold the budget
+    faults    : what failed; scheduler, allowance: hold the budget; tracer: the renderer's, whose answers are checked
     next_index: the number of the next frame
     """
 
@@ -124,6 +127,7 @@ class RunState:
         self.experience = self._expected()
         self.costs = self._known_costs()
         self.faults = Faults(strict=terms.strict)
+        self.tracer = GuardedTracer(ground.tracer, world, self.faults)
         self.scheduler = BudgetScheduler(self.costs, self.experience, self.faults, terms.clock)
         self.allowance = Allowance(terms.clock, terms.reserve_ms, ground.aa)
         self.history = History(world, self.effects, ground.buffers) if terms.history else None
@@ -132,6 +136,7 @@ class RunState:
         """A frame at `time` seconds. Its number is `index`, else that of the one before and one more."""
         number = self.next_index if index is None else index
         self.next_index = number + 1
+        self.faults.begin_frame(number)
         self.settle(time)
         return number
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,15 +13,18 @@ from phrt.candidates import WorkItems, find_work
 from phrt.change import ChangeSample, measure_change, pick_sample
 from phrt.channels import CHANNELS, GBuffer
 from phrt.composite import all_rows, compose, light_surfaces
+from phrt.faults.fault import CAUGHT, raised
 from phrt.frame import Decisions, Frame, FrameResult
 from phrt.interfaces.heuristic import FrameContext
 from phrt.kernels.arrays import environment_arrays, geometry_arrays, material_arrays, surface_arrays
 from phrt.layers import LayerSet, apply_fallbacks, clear_layers
 from phrt.lightwise import OneLight
+from phrt.raster_picture import FramePicture
 from phrt.stages import Stages
 
 if TYPE_CHECKING:
     from phrt.renderer import Renderer
+    from phrt.run_state import RunState
 
 FRAME_CHANNELS = tuple(name for name in CHANNELS if name != "motion")
 _IMAGE = "(image)"
@@ -73,7 +76,7 @@ def take_sample(renderer: Renderer, moment: Moment, stages: Stages) -> Sample:
         gbuffer=gbuffer,
         surfaces=surfaces,
         direct=direct,
-        tracer=renderer.tracer,
+        tracer=run.tracer,
         producer=renderer.producer,
         workers=workers,
         geometry=geometry_arrays(world),
@@ -86,7 +89,7 @@ def take_sample(renderer: Renderer, moment: Moment, stages: Stages) -> Sample:
     unit = unit_of(run.conditions.budget)
     layers = clear_layers(run.effects, world, count, buffers, workers)
     stages.done("clear")
-    if run.history and not (run.terms.heuristic.traces_everything and unit == "none"):
+    if run.history and not (unit == "none" and run.faults.says(run.terms.heuristic, "traces_everything")):
         layers.ages = run.history.reproject(frame, layers, run.faults)
         stages.done("history")
     work = find_work(
@@ -95,13 +98,14 @@ def take_sample(renderer: Renderer, moment: Moment, stages: Stages) -> Sample:
         group_by=run.terms.group_by, masks=layers.masks, ages=layers.ages,
     )  # fmt: skip
     stages.done("candidates")
-    context = _context(renderer, moment)
+    context = _context(renderer, moment, frame)
     looked_at = None
-    if run.measure_change or (run.terms.heuristic.wants_change and unit != "none"):
+    if run.measure_change or (unit != "none" and run.faults.says(run.terms.heuristic, "wants_change")):
         looked_at = pick_sample(frame, run.effects, run.scopes, work, layers)
     stages.done("change")
     run.scheduler.each_alone = run.measure_each
     decisions = run.scheduler.run(frame, run.effects, work, run.terms.heuristic, context, layers)
+    decisions = replace(decisions, score=_scores(run, len(work.candidates)))
     rays_ended_ms = run.terms.clock.now_ms()
     stages.done("rays")
     if (decisions.traced_pixels < decisions.candidates.pixel_count).any():
@@ -111,7 +115,7 @@ def take_sample(renderer: Renderer, moment: Moment, stages: Stages) -> Sample:
     image = buffers.take((count, 3))
     compose(
         surfaces, materials.materials, frame.environment, world.environment.visible, view, all_rows(count), direct,
-        layers.arrays, layers.masks, _exposure(renderer, view), image, workers,
+        layers.arrays, layers.masks, _exposure(renderer, view), image, workers, layers.adds,
     )  # fmt: skip
     stages.done("composite")
     if looked_at is not None:
@@ -162,7 +166,9 @@ def as_result(renderer: Renderer, last: Sample, means: dict[str, np.ndarray], st
         time=moment.time,
         exposure=_exposure(renderer, moment.view),
         effect_layers={effect.name: effect.writes.name for effect in run.effects},
+        added_layers=last.layers.adds,
         budget=run.conditions.budget,
+        faults=run.faults.of_frame,
         light_layers=frozenset(
             ["visibility", *(effect.writes.name for effect in run.effects if not effect.writes.components)]
         ),
@@ -171,7 +177,7 @@ def as_result(renderer: Renderer, last: Sample, means: dict[str, np.ndarray], st
     )
 
 
-def _context(renderer: Renderer, moment: Moment) -> FrameContext:
+def _context(renderer: Renderer, moment: Moment, frame: Frame) -> FrameContext:
     """What the heuristic is told."""
     run, held = renderer.run, renderer.run.conditions
     return FrameContext(
@@ -187,7 +193,22 @@ def _context(renderer: Renderer, moment: Moment) -> FrameContext:
         attention=held.attention,
         view_speed=run.sight.view_speed,
         parameters=held.parameters,
+        raster=FramePicture(frame, _exposure(renderer, moment.view)),
     )
+
+
+def _scores(run: RunState, count: int) -> np.ndarray:
+    """(count,) float32, what the heuristic says it ranked the items by; NaN where it says nothing that is as long."""
+    nothing, heuristic = np.full(count, np.nan, np.float32), run.terms.heuristic
+    if run.faults.heuristic_is_off:
+        return nothing
+    try:
+        scores = getattr(heuristic, "scores", None)
+    except CAUGHT as error:
+        run.faults.lose_heuristic(heuristic, raised("scores", error), error)
+        return nothing
+    said = isinstance(scores, np.ndarray) and scores.shape == (count,) and scores.dtype.kind == "f"
+    return scores.astype(np.float32) if said else nothing
 
 
 def _prepare_fallbacks(renderer: Renderer, frame: Frame) -> None:

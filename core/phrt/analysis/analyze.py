@@ -31,13 +31,14 @@ ALIKE = 0.1
 
 @dataclass(frozen=True)
 class ProbeOptions:
-    """How closely to look. frames: probes a situation; size: of a probe, pixels."""
+    """How closely to look. frames: probes a situation; size: of a probe, pixels; strict: a plugin that fails is an error."""
 
     frames: int = 12
     size: tuple[int, int] = (160, 90)
     tone_map: str = "neutral"
     camera: int | str = 0
     threads: int | None = None
+    strict: bool = False
 
 
 @dataclass(frozen=True)
@@ -95,6 +96,7 @@ def _look(scene: Scene, options: ProbeOptions, done: Callable[[], None]) -> _Loo
         options.tone_map,
         camera=options.camera,
         threads=options.threads,
+        strict=options.strict,
         done=done,
     )
     world = World(scene)

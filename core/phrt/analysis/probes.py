@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -77,6 +77,13 @@ class Findings:
     traced: np.ndarray
     coefficients: dict[str, dict[str, float]] = field(default_factory=dict)
 
+    def only(self, effects: np.ndarray) -> Findings:
+        """Without what is said about effects that are not among `effects` (E,) bool."""
+        each = ("effect_pixels", "change", "peak", "rays", "traced")
+        names = tuple(name for name, kept in zip(self.effect_names, effects, strict=True) if kept)
+        kept = {name: getattr(self, name)[:, effects] for name in each}
+        return replace(self, effect_names=names, **kept)
+
     @classmethod
     def nothing(cls, objects: int, effect_names: tuple[str, ...]) -> Findings:
         def one() -> np.ndarray:
@@ -106,14 +113,19 @@ def probe(
     *,
     camera: int | str = 0,
     threads: int | None = None,
+    strict: bool = False,
     done: Callable[[], None] = lambda: None,
 ) -> Findings:
-    """What `frames` probes of `scene` at `size` (width, height) find; `done` is called after each."""
+    """What `frames` probes of `scene` at `size` (width, height) find; `done` is called after each.
+
+    Nothing is said about an effect that fails. Raises PluginError when the tracer does, and, with `strict`, any plugin.
+    """
     heuristic = LeaveOut()
     clock = ProbeClock()
     with Renderer(
-        scene, size=size, heuristic=heuristic, threads=threads, budget="none", clock=clock, history=False
-    ) as renderer:
+        scene, size=size, heuristic=heuristic, threads=threads, budget="none", clock=clock, history=False,
+        strict=strict,
+    ) as renderer:  # fmt: skip
         findings = Findings.nothing(len(scene.objects), tuple(effect.name for effect in renderer.effects))
 
         def picture(number: int, time: float, *left_out: str, count: bool = False) -> FrameResult:
@@ -132,7 +144,10 @@ def probe(
             _add_sight(findings, whole, seen, np.abs(shown - bare).mean(axis=1))
             done()
         findings.coefficients = renderer.costs()
-    return findings
+        if (lost := renderer.run.faults.tracer_failure) is not None:
+            raise lost
+        sound = [not renderer.run.faults.is_off(effect) for effect in renderer.effects]
+    return findings if all(sound) else findings.only(np.array(sound))
 
 
 def _shown(frame: FrameResult, tone_map: str) -> np.ndarray:

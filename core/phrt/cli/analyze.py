@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from phrt.cli.console import DelayedProgress, say, terminal
-from phrt.cli.options import DebugOption, JsonOption, PluginOption, QuietOption, SceneArgument
+from phrt.cli.options import (
+    DebugOption,
+    JsonOption,
+    PluginOption,
+    QuietOption,
+    SceneArgument,
+    StrictOption,
+    check_plugins,
+)
 from phrt.cli.parsing import check_number, parse_camera, parse_size
 from phrt.errors import OptionError, PhrtWarning, ProfileError
 
@@ -47,6 +55,7 @@ def analyze(
         list[str] | None,
         typer.Option("-D", metavar="/PRIM.KEY=VALUE", help="Override a value of the scene. Repeatable."),
     ] = None,
+    strict: StrictOption = False,
     plugin: PluginOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
@@ -59,6 +68,7 @@ def analyze(
     `Renderer(profile=...)` use it; without one, importance is what the scene says, nothing is ruled out but by the scene,
     and costs are learnt from the first frames.
     """
+    check_plugins(strict)
     # What can be wrong without reading the scene is said before reading it.
     check_number("--frames", frames, 1, MOST_PROBES)
     if threads is not None:
@@ -80,7 +90,7 @@ def analyze(
     situations = chosen_situations(situation, plain)
     curve = tone_map or plain.settings.tone_map or "neutral"
     curve_code(curve)
-    options = ProbeOptions(frames, given_size or probe_size(plain), curve, parse_camera(camera), threads)
+    options = ProbeOptions(frames, given_size or probe_size(plain), curve, parse_camera(camera), threads, strict)
 
     with DelayedProgress(len(situations) * min(frames, plain.settings.frames), "probing") as progress:
 

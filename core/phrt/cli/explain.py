@@ -206,7 +206,7 @@ def show_lines(lines: list[dict[str, Any]], run: Run, as_json: bool) -> None:
 
     if as_json:
         frames = [int(number) for number in run.numbers]
-        print(json.dumps({"frames": frames, "items": lines, "cut_short": run.cut_short}))
+        print(json.dumps({"frames": frames, "items": lines, "faults": run.faults, "cut_short": run.cut_short}))
         return
     from rich import box
     from rich.table import Table
@@ -218,6 +218,9 @@ def show_lines(lines: list[dict[str, Any]], run: Run, as_json: bool) -> None:
         cells = [number(line[name]) for name in ("frames", "traced", "whole", "first", "last")]
         table.add_row(line["object"], line["effect"], *cells, shortened(line["runs"]))
     results().print(f"{len(run.numbers)} frames recorded: {spans(run.numbers) or 'none'}", markup=False)
+    for fault in run.faults:
+        where = "" if fault["frame"] is None else f"frame {fault['frame']}: "
+        results().print(f"fault: {where}{fault['message']}", markup=False)
     print_table(table)
 
 

@@ -18,7 +18,8 @@ from phrt.cli.options import PluginOption
 from phrt.cli.plugins import plugins_app
 from phrt.cli.render import render
 from phrt.cli.schema import schema
-from phrt.errors import InputError, PluginError
+from phrt.errors import InputError, PhrtError, PluginError
+from phrt.registry.manager import RegisteredPlugin, describe
 
 OUR_FAULT, INPUT_WRONG, INTERRUPTED = 1, 2, 130
 
@@ -41,9 +42,35 @@ class CommandsAndPlugins(TyperGroup):
         if cmd_name not in registry.names("command"):
             return None
         try:
-            return typer.main.get_command(registry.create("command", cmd_name))
+            return command_of(registry.find("command", cmd_name), registry.create("command", cmd_name))
         except PluginError as error:
             return failing_command(cmd_name, error)
+
+
+def command_of(entry: RegisteredPlugin, made: Any) -> Any:
+    """The command of a typer application that a plugin made; what another package's raises names it. Raises PluginError where typer
+    cannot use it."""
+    title = f"command '{entry.name}' of {entry.source}"
+    try:
+        command = typer.main.get_command(made)
+    except (Exception, SystemExit) as error:
+        raise PluginError(f"{title} is broken: {describe(error)}") from error
+    invoke = command.invoke
+
+    def named(context: Any) -> Any:
+        try:
+            return invoke(context)
+        except (PhrtError, MemoryError, OSError):
+            raise
+        except Exception as error:
+            if type(error).__module__.partition(".")[0] in ("typer", "click"):
+                # Wrong usage, or the end of a command.
+                raise
+            raise PluginError(f"{title} failed: {describe(error)}") from error
+
+    if entry.origin != "built-in":
+        command.invoke = named  # type: ignore[method-assign]
+    return command
 
 
 def failing_command(name: str, error: PluginError) -> Any:

@@ -28,6 +28,14 @@ def _add_plugins(sources: list[str] | None) -> list[str]:
     return sources or []
 
 
+def check_plugins(strict: bool) -> None:
+    """PluginError where plugins were left out and the command is to be `strict`."""
+    if strict:
+        from phrt.registry import get_registry
+
+        get_registry().check_whole()
+
+
 DebugOption = Annotated[
     bool, typer.Option("--debug", help="Show the traceback of an error.", callback=_set_debug, is_eager=True)
 ]
@@ -43,6 +51,10 @@ PluginOption = Annotated[
         callback=_add_plugins,
         is_eager=True,
     ),
+]
+StrictOption = Annotated[
+    bool,
+    typer.Option("--strict", help="Whatever a plugin does wrong is an error, also of one that nobody asked for."),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
 SceneArgument = Annotated[

@@ -12,7 +12,15 @@ import typer
 
 from phrt.budget import parse_budget
 from phrt.cli.console import DelayedProgress, say, terminal, warn_of
-from phrt.cli.options import DebugOption, JsonOption, PluginOption, QuietOption, SceneArgument
+from phrt.cli.options import (
+    DebugOption,
+    JsonOption,
+    PluginOption,
+    QuietOption,
+    SceneArgument,
+    StrictOption,
+    check_plugins,
+)
 from phrt.cli.parsing import (
     FrameRange,
     check_number,
@@ -132,9 +140,7 @@ def render(
     replay: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Render again with the decisions recorded in this folder.")
     ] = None,
-    strict: Annotated[
-        bool, typer.Option("--strict", help="A heuristic or an effect that fails is an error, not a warning.")
-    ] = False,
+    strict: StrictOption = False,
     define: Annotated[
         list[str] | None,
         typer.Option(
@@ -149,6 +155,7 @@ def render(
     debug: DebugOption = False,
 ) -> None:
     """Render SCENE into a picture, a sequence, a video or EXR layers."""
+    check_plugins(strict)
     # What can be wrong without reading the scene is said before reading it.
     limit = None if budget is None else parse_budget(budget, "--budget")
     controls = parse_controls(attention or [], view_speed, parameter or [])

@@ -14,6 +14,7 @@ import numpy as np
 from phrt.description.assets import AssetRoots
 from phrt.description.prims import Split
 from phrt.errors import AssetError, PhrtWarning
+from phrt.faults.loading import load_model
 from phrt.geometry import with_normals
 from phrt.interfaces.loader import LoadContext
 from phrt.model import Mesh, Model
@@ -32,7 +33,7 @@ class ModelStore:
     def model(self, path: Path | None, loader: str | None, options: Mapping[str, Any], beside: Path) -> Model:
         """The model in `path` (resolved), or what procedural loader `loader` makes; `beside` is the scene file.
 
-        Raises AssetError, OptionError or PluginError, each naming the file or the loader.
+        Raises AssetError, OptionError, PluginError or SceneError, each naming the file or the loader.
         """
         from phrt.registry.manager import get_registry
 
@@ -42,9 +43,8 @@ class ModelStore:
             raise AssetError(f"loader '{name}' reads files; give asset, ending in {' or '.join(suffixes)}")
         key = (path, name, json.dumps(dict(options), sort_keys=True, default=str))
         if key not in self._models:
-            made = registry.create("loader", name, options)
             source = path if path is not None else beside
-            self._models[key] = made.load(source, self._context(source))
+            self._models[key] = load_model(name, options, source, self._context(source))
         return self._models[key]
 
     def _context(self, path: Path) -> LoadContext:

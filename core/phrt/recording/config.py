@@ -51,7 +51,8 @@ def resolved_config(renderer: Renderer) -> dict[str, Any]:
 def scene_config(renderer: Renderer) -> dict[str, Any]:
     """Which scene, in which situation, and its objects: number 1 first, with the effects that apply to each."""
     scene, world = renderer.scene, renderer.world
-    applies = {base(effect.name): world.object_has(effect.applies_to(world)) for effect in renderer.effects}
+    effects = zip(renderer.effects, renderer.run.scopes, strict=True)
+    applies = {base(effect.name): world.object_has(scope.applies) for effect, scope in effects}
     objects = [
         {
             "path": entry.path,
@@ -81,7 +82,7 @@ def heuristic_config(heuristic: Heuristic) -> dict[str, Any]:
         "name": named[0] if named else None,
         "class": home,
         "options": options_of(heuristic),
-        "traces_everything": heuristic.traces_everything,
+        "traces_everything": _says(heuristic, "traces_everything"),
     }
 
 
@@ -132,3 +133,11 @@ def memory_gb() -> float | None:
         return round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9, 1)
     except (AttributeError, OSError, ValueError):
         return None
+
+
+def _says(heuristic: Heuristic, attribute: str) -> bool:
+    """An attribute of a heuristic; false where it cannot be read, which the run tells (phrt.faults)."""
+    try:
+        return bool(getattr(heuristic, attribute))
+    except Exception:
+        return False

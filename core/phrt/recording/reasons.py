@@ -128,8 +128,7 @@ def sentence(run: Run, row: dict[str, Any], items: Items, item: int) -> str:
                 f"before its turn; {came_first(items, item)}."
             )
         case "effect_off":
-            told = error_of(run, str(items["effect"][item]).partition("@")[0])
-            why = f"{what} not traced {where}: the effect was switched off after an error{told}."
+            why = f"{what} not traced {where}: {switched_off(run, str(items['effect'][item]).partition('@')[0])}."
         case _:
             why = f"{what} not traced {where}: {fault_before(run, row) or not_asked(row, items, item)}."
     return why + stands_in(items, item)
@@ -162,7 +161,10 @@ def how_it_came(row: dict[str, Any], items: Items, item: int) -> str:
     place = f"number {items['order'][item] + 1} of {asked} that {row['heuristic']} asked for"
     if items["mandatory"][item]:
         return f"the item is mandatory (effects: always), {place}"
-    return f"{place}, with relevance number {rank(items['relevance'], item) or 1} of {len(items['relevance'])}"
+    relevance = f"relevance number {rank(items['relevance'], item) or 1} of {len(items['relevance'])}"
+    # Runs that were recorded before heuristics could say what they rank by have no such column.
+    score = rank(items["score"], item) if "score" in items else None
+    return f"{place}, with {relevance if score is None else f'score number {score} and {relevance}'}"
 
 
 def came_first(items: Items, item: int) -> str:
@@ -193,23 +195,31 @@ def stands_in(items: Items, item: int) -> str:
     return f" Values of earlier frames, {age}, stood in at {kept:.0%} of the pixels.".replace("%", " %")
 
 
-def error_of(run: Run, effect: str) -> str:
-    """What was warned of when the effect failed, as the tail of a sentence."""
-    for warned in run.frames.column("warnings").to_pylist():
-        for text in warned or ():
-            if text.startswith(f"effect '{effect}' failed"):
-                return f" ({text})"
-    return ""
+def switched_off(run: Run, effect: str) -> str:
+    """By what an effect was switched off: its own error, or that of the tracer, which is all effects' end."""
+    for fault in run.faults:
+        if fault["kind"] == "effect" and fault["name"] == effect:
+            return f"the effect was switched off after an error{in_frame(fault)} ({fault['message']})"
+        if fault["kind"] == "tracer" and "no more rays" in fault["done"]:
+            return (
+                f"all ray tracing was switched off after an error of the tracer{in_frame(fault)} ({fault['message']})"
+            )
+        if f"'{effect}'" in fault["done"]:
+            return f"the effect was switched off after an error of what it needs{in_frame(fault)} ({fault['message']})"
+    return "the effect was switched off after an error"
 
 
 def fault_before(run: Run, row: dict[str, Any]) -> str:
     """That the heuristic had been switched off by then, where it was."""
-    for step, warned in enumerate(run.frames.column("warnings").to_pylist()[: row["step"] + 1]):
-        for text in warned or ():
-            if text.startswith("heuristic ") and "switched off" in text:
-                frame = int(run.numbers[step])
-                return f"the heuristic was switched off after an error in frame {frame} ({text})"
+    for fault in run.faults:
+        when = np.flatnonzero(run.numbers == fault["frame"])
+        if fault["kind"] == "heuristic" and (not len(when) or when[0] <= row["step"]):
+            return f"the heuristic was switched off after an error{in_frame(fault)} ({fault['message']})"
     return ""
+
+
+def in_frame(fault: dict[str, Any]) -> str:
+    return "" if fault["frame"] is None else f" in frame {fault['frame']}"
 
 
 def ran_out(row: dict[str, Any]) -> str:

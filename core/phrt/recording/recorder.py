@@ -74,6 +74,7 @@ class Recorder:
             "finished": None,
             "frames": None,
             "error": None,
+            "faults": [],
             "config": resolved_config(renderer),
             "settings": dict(settings or {}),
             "versions": versions(),
@@ -102,6 +103,7 @@ class Recorder:
         warned, self._warned = self._warned, []
         conditions = self._renderer.conditions
         try:
+            self._note_faults()
             # The frame's row comes last: where it is, the frame is whole.
             self._streams["candidates"].write(self._candidates.batch(self.frames, frame))
             row = self._rows.batch(self.frames, frame, self._heuristic, conditions, warned, readings)
@@ -128,6 +130,7 @@ class Recorder:
         if self.failed is not None:
             return
         try:
+            self._note_faults()
             for stream in self._streams.values():
                 stream.close()
             for table in TABLES:
@@ -139,6 +142,13 @@ class Recorder:
                     stream_path(self.folder, table).unlink(missing_ok=True)
         except OSError as refused:
             self._fail(refused)
+
+    def _note_faults(self) -> None:
+        """What plugins did wrong goes into run.json as soon as it is known: a run may end by it. Raises OSError."""
+        log = self._renderer.run.faults.log
+        if len(log) != len(self._about["faults"]):
+            self._about["faults"] = [fault.as_row() for fault in log]
+            write_about(self.folder, self._about)
 
     def _fail(self, error: OSError) -> None:
         """Recording ends here, with one warning; what was written stays as it is."""

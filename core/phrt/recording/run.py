@@ -38,6 +38,11 @@ class Run:
         """What it was rendered with, defaults filled in."""
         return dict(self.about["config"])
 
+    @property
+    def faults(self) -> list[dict[str, Any]]:
+        """What plugins did wrong, in order: frame, kind, name, package, cause, done, and all of it as a message."""
+        return list(self.about.get("faults", ()))
+
     @cached_property
     def candidates(self) -> Any:
         """pyarrow table, a row per candidate, sample and frame. It is read when it is first asked for."""

@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from phrt.errors import AssetError, OptionError
+from phrt.faults.loading import load_model
 from phrt.interfaces.loader import LoadContext, Loader
 from phrt.model import Mesh, Model
 from phrt.registry import get_registry
@@ -97,5 +98,5 @@ class SimplifiedLoader(Loader):
             )
         if name == "simplified":
             raise OptionError("loader 'simplified': `of` must name another loader")
-        model: Model = registry.create("loader", name, self.options.options).load(path, context)
+        model = load_model(name, self.options.options, path, context)
         return replace(model, meshes=_decimated(model.meshes, check_share(self.options.share)))

@@ -18,6 +18,8 @@ from typing import get_args
 import numpy as np
 
 from phrt.errors import OptionError, PhrtWarning, PluginError, did_you_mean
+from phrt.faults.fault import CAUGHT, PluginFailure, fault_of, raised
+from phrt.faults.making import make
 from phrt.interfaces.metric import RESERVED_COLUMNS, Better, Column, Metric, RunFrames, Scope, Shot, Statistic
 from phrt.registry.manager import describe, get_registry
 from phrt_plugins.metrics.pictures import SMALLEST_SIDE
@@ -26,10 +28,13 @@ COLUMN_NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
 def make_metrics(
-    names: Sequence[str] | None = None, options: Mapping[str, Mapping[str, object]] | None = None
+    names: Sequence[str] | None = None,
+    options: Mapping[str, Mapping[str, object]] | None = None,
+    *,
+    strict: bool = False,
 ) -> list[Metric]:
-    """Metrics by name; None makes every default one that is available here, with a PhrtWarning for each that is not. options: by
-    metric, then by option.
+    """Metrics by name; None makes every default one that can be used here, with a PhrtWarning for each that cannot. options: by
+    metric, then by option. strict: what is broken is an error, asked for or not.
 
     Raises PluginError where one is unknown, unavailable or no metric, or two claim a column; OptionError for a wrong
     option, options of a metric that is not asked for, and a name that is there twice.
@@ -44,9 +49,26 @@ def make_metrics(
                 f"there are options for metric '{name}', which is not among those asked for: "
                 f"{', '.join(wanted) or 'none'}.{did_you_mean(name, wanted)}"
             )
+    if names is None and not strict:
+        return whatever_works(wanted, given)
     metrics = [make_metric(name, given.get(name, {})) for name in wanted]
     all_columns(metrics)
     return metrics
+
+
+def whatever_works(names: Sequence[str], options: Mapping[str, Mapping[str, object]]) -> list[Metric]:
+    """Metrics that nobody asked for by name: one that is broken, or wants a column that is taken, costs a PhrtWarning."""
+    made: dict[str, Metric] = {}
+    built_in = {name for name in names if get_registry().find("metric", name).origin == "built-in"}
+    for name in sorted(names, key=lambda name: name not in built_in):
+        try:
+            metric = make_metric(name, options.get(name, {}))
+            all_columns([*made.values(), metric])
+        except PluginError as error:
+            warnings.warn(PhrtWarning(f"metric '{name}' is left out: {error}"), stacklevel=3)
+        else:
+            made[name] = metric
+    return [made[name] for name in names if name in made]
 
 
 def default_metrics() -> list[str]:
@@ -67,14 +89,23 @@ def available_metrics() -> list[str]:
 
 def make_metric(name: str, options: Mapping[str, object]) -> Metric:
     """One metric, its columns checked. Raises PluginError and OptionError."""
-    made = get_registry().create("metric", name, options)
-    if not isinstance(made, Metric):
-        raise PluginError(f"metric '{name}' is broken: its factory makes {made!r}, no phrt.interfaces.metric.Metric")
-    made.name = name
-    for column in made.columns:
+    made: Metric = make("metric", name, options)
+    try:
+        made.name = name
+    except CAUGHT as error:
+        raise PluginFailure(fault_of("metric", made, f"cannot be named: {error}")) from error
+    for column in columns_of(made):
         if problem := column_problem(column):
-            raise PluginError(f"metric '{name}' is broken: {problem}")
+            raise PluginFailure(fault_of("metric", made, f"is broken: {problem}"))
     return made
+
+
+def columns_of(metric: Metric) -> tuple[Column, ...]:
+    """`metric.columns`. Raises PluginFailure where it fails."""
+    try:
+        return tuple(metric.columns)
+    except CAUGHT as error:
+        raise PluginFailure(fault_of("metric", metric, raised("columns", error))) from error
 
 
 def column_problem(column: object) -> str | None:
@@ -98,7 +129,7 @@ def all_columns(metrics: Iterable[Metric], scope: Scope | None = None) -> list[C
     owners: dict[str, str] = {}
     found = []
     for metric in metrics:
-        for column in metric.columns:
+        for column in columns_of(metric):
             if column.name in owners:
                 both = f"metric '{owners[column.name]}' and metric '{metric.name}'"
                 raise PluginError(f"column '{column.name}' is there twice: of {both}. Leave one of them out")
@@ -107,58 +138,71 @@ def all_columns(metrics: Iterable[Metric], scope: Scope | None = None) -> list[C
     return [column for column in found if scope is None or column.scope == scope]
 
 
-def measure_shots(metrics: Sequence[Metric], shots: Iterable[Shot]) -> dict[str, np.ndarray]:
+def measure_shots(metrics: Sequence[Metric], shots: Iterable[Shot], *, strict: bool = False) -> dict[str, np.ndarray]:
     """(n,) float64 by column of scope "shot", a row a shot; NaN where a column does not apply, or its metric failed.
 
-    A metric that raises, or returns what is no measure, costs one PhrtWarning that names it. Raises PluginError for a
-    column that is there twice, ValueError for a shot that is none.
+    A metric that raises, or returns what is no measure, costs one PhrtWarning that names it; with `strict` it is a PluginFailure.
+    Raises PluginError for a column that is there twice, ValueError for a shot that is none.
     """
     columns: dict[str, list[float]] = {column.name: [] for column in all_columns(metrics, "shot")}
-    judges = [metric for metric in metrics if any(column.scope == "shot" for column in metric.columns)]
+    judges = [(metric, names) for metric in metrics if (names := names_of(metric, "shot"))]
     failures: dict[str, list[str]] = {}
     count = 0
     for shot in shots:
         check_shot(shot)
         count += 1
-        for metric in judges:
-            found, reason = contained(metric, "shot", partial(metric.of_shot, shot))
+        for metric, names in judges:
+            found, reason = contained(metric, names, "of_shot()", partial(metric.of_shot, shot), strict)
             if reason:
-                failures.setdefault(metric.name, []).append(f"frame {shot.index}: {reason}")
+                title = fault_of("metric", metric, "").title
+                failures.setdefault(title, []).append(f"frame {shot.index}: {reason}")
             for name, value in found.items():
                 columns[name].append(value)
-    for name, reasons in failures.items():
+    for title, reasons in failures.items():
         warnings.warn(
             PhrtWarning(
-                f"metric '{name}' failed in {len(reasons)} of {count} judged frames and is left out there; {reasons[0]}"
+                f"{title} failed in {len(reasons)} of {count} judged frames and is left out there; {reasons[0]}"
             ),
             stacklevel=2,
         )
     return {name: np.array(values, np.float64) for name, values in columns.items()}
 
 
-def measure_run(metrics: Sequence[Metric], frames: RunFrames) -> dict[str, float]:
-    """Every column of scope "run"; NaN where it does not apply, or its metric failed, with one PhrtWarning that names it.
+def measure_run(metrics: Sequence[Metric], frames: RunFrames, *, strict: bool = False) -> dict[str, float]:
+    """Every column of scope "run"; NaN where it does not apply, or its metric failed, with one PhrtWarning that names it; with
+    `strict` it is a PluginFailure.
 
     Raises PluginError for a column that is there twice.
     """
     all_columns(metrics, "run")
     values: dict[str, float] = {}
     for metric in metrics:
-        if not any(column.scope == "run" for column in metric.columns):
+        if not (names := names_of(metric, "run")):
             continue
-        found, reason = contained(metric, "run", partial(metric.of_run, frames))
+        found, reason = contained(metric, names, "of_run()", partial(metric.of_run, frames), strict)
         values |= found
         if reason:
-            warnings.warn(PhrtWarning(f"metric '{metric.name}' failed and is left out: {reason}"), stacklevel=2)
+            title = fault_of("metric", metric, "").title
+            warnings.warn(PhrtWarning(f"{title} failed and is left out: {reason}"), stacklevel=2)
     return values
 
 
-def contained(metric: Metric, scope: Scope, measure: Callable[[], object]) -> tuple[dict[str, float], str | None]:
-    """What `measure` says of each column of a metric's scope, NaN where it says nothing; and None, or why it failed."""
-    empty = {column.name: float("nan") for column in metric.columns if column.scope == scope}
+def names_of(metric: Metric, scope: Scope) -> list[str]:
+    """The columns of a metric that have this scope."""
+    return [column.name for column in columns_of(metric) if column.scope == scope]
+
+
+def contained(
+    metric: Metric, names: Sequence[str], call: str, measure: Callable[[], object], strict: bool
+) -> tuple[dict[str, float], str | None]:
+    """What `measure` says of the columns `names` of a metric, NaN where it says nothing; and None, or why it failed. With `strict`
+    that is a PluginFailure."""
+    empty = dict.fromkeys(names, math.nan)
     try:
-        return empty | checked_measures(measure(), list(empty)), None
-    except (Exception, SystemExit) as error:
+        return empty | checked_measures(measure(), names), None
+    except CAUGHT as error:
+        if strict:
+            raise PluginFailure(fault_of("metric", metric, raised(call, error))) from error
         return empty, describe(error)
 
 
