@@ -1,32 +1,24 @@
-"""`phrt new` writes packages that install, run and pass their tests, and writes nothing half."""
+"""`phrt new` writes packages that work, and scenes, and writes nothing half. (Installed: test_new_installed.py.)"""
 
 from __future__ import annotations
 
 import ast
-import csv
 import json
 import os
 import subprocess
 import sys
-import sysconfig
 import tomllib
-import venv
-import zipfile
 from pathlib import Path
 
 import needs
 import pytest
-import run_bench_kit
-import yaml
-from cli_kit import Outcome, phrt
+from cli_kit import Outcome, phrt, render
 
 from phrt.cli import template
 from phrt.errors import OptionError
-from phrt.recording.run import read_run
 from phrt.registry import Registry, get_registry
 from phrt.registry.local import import_file
 
-PROJECT = Path(__file__).resolve().parents[3]
 NAMES = {"heuristic": "nearest", "effect": "under_things", "tracer": "one_by_one", "metric": "wrong_share"}
 
 
@@ -117,7 +109,11 @@ def test_what_to_do_next_is_said(tmp_path: Path) -> None:
         ("metric", "../x", "NAME is '../x'; allowed:"),
         ("tracer", "ray_batch", "PHRT itself has RayBatch"),
         ("effect", "plugins", "PHRT itself has phrt_plugins"),
-        ("heuristc", "x", "no template for 'heuristc'. Known: heuristic, effect, tracer, metric. Did you mean 'heuristic'?"),
+        ("metric", "flip_p95", "metric 'flip' has a column 'flip_p95', and names of columns are unique"),
+        ("metric", "oracle_share", "every comparison has a column 'oracle_share'"),
+        ("heuristic", "none", "None is a word of Python's"),
+        ("scene", "My Room", "Did you mean 'my_room'?"),
+        ("heuristc", "x", "no template for 'heuristc'. Known: heuristic, effect, tracer, metric, scene. Did you mean 'heuristic'?"),
         ("loader", "x", "no template for 'loader'"),
     ],
 )  # fmt: skip
@@ -160,7 +156,7 @@ def test_nothing_half_written_is_left_when_the_disk_is_full(tmp_path: Path, monk
 
     monkeypatch.setattr(Path, "write_text", failing)
     with pytest.raises(OptionError, match=r"phrt-nearest' cannot be written: No space left on device"):
-        template.write_package("heuristic", "nearest", tmp_path)
+        template.write_new("heuristic", "nearest", tmp_path)
     assert count == 3
     assert list(tmp_path.iterdir()) == []
 
@@ -183,83 +179,36 @@ def test_every_template_s_own_name_is_free() -> None:
         template.check_name(kind, f"my_{kind}", template.template_files(kind))
 
 
-# Installed
+# Scenes
 
 
-def fresh_environment(folder: Path) -> Path:
-    """A virtual environment without pip that sees what this one has installed; its interpreter."""
-    venv.create(folder, with_pip=False)
-    python = folder / "bin" / "python"
-    packages = next(folder.glob("lib/python*/site-packages"))
-    here = sysconfig.get_paths()["purelib"]
-    (packages / "here.pth").write_text(f"import site; site.addsitedir({here!r})\n")
-    return python
+def test_a_scene_comes_with_a_benchmark_on_it(tmp_path: Path) -> None:
+    done = phrt("new", "scene", "room", "--dir", str(tmp_path))
+    assert (done.code, done.printed) == (0, "")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["room.yaml", "room_bench.yaml"]
+    assert all("my_scene" not in path.read_text() for path in tmp_path.iterdir())
+    assert f"phrt render {tmp_path}/room.yaml -o room.png" in done.said
+    picture = render(tmp_path / "room.yaml", tmp_path / "room.exr")
+    assert (picture.code, picture.warnings, picture.finite) == (0, [], True)
+    plan = phrt("bench", str(tmp_path / "room_bench.yaml"), "--dry-run", "--json")
+    assert (plan.code, len(json.loads(plan.printed)["cells"])) == (0, 4)
 
 
-def pip(python: Path, *arguments: str | Path, folder: Path) -> None:
-    """pip of this environment, on that of `python`; nothing is downloaded."""
-    offline = ("--disable-pip-version-check", "--quiet", "--no-input")
-    run(sys.executable, "-m", "pip", "--python", python, *offline, *arguments, folder=folder)
-
-
-@pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The interpreter of a fresh environment that the written heuristic is installed in."""
-    needs.package("hatchling")
-    folder = tmp_path_factory.mktemp("installed")
-    package = written("heuristic", "nearest", folder)
-    python = fresh_environment(folder / "venv")
-    pip(python, "install", "--no-index", "--no-deps", "--no-build-isolation", package, folder=folder)
-    return python
-
-
-def test_an_installed_package_is_listed_and_explained(installed: Path, tmp_path: Path) -> None:
-    shown = run(installed, "-W", "error", "-m", "phrt.cli", "plugins", "show", "nearest", folder=tmp_path).stdout
-    assert "heuristic nearest, phrt-nearest 0.1.0" in shown
-    assert "Items are taken by falling area / distance" in shown
-    assert "power = 1.0" in shown
-
-
-def test_a_scene_renders_by_an_installed_heuristic_by_config_alone(installed: Path, tmp_path: Path) -> None:
-    scene = yaml.safe_load(run_bench_kit.SCENE)
-    scene["prims"]["Settings"]["heuristic"] = "nearest"
-    (tmp_path / "scene.yaml").write_text(yaml.safe_dump(scene))
-    command = ["-m", "phrt.cli", "render", "scene.yaml", "-o", "out.png", "--size", "64x36", "--budget", "500rays"]
-    done = run(installed, "-W", "error", *command, "--record", "run", "--json", folder=tmp_path)
-    assert json.loads(done.stdout)["files"]
-    frame = read_run(tmp_path / "run").frames.to_pylist()[0]
-    assert frame["heuristic"] == "nearest"
-    assert 0 < frame["traced"] < frame["candidates"]
-
-
-def test_a_benchmark_compares_an_installed_heuristic_by_config_alone(installed: Path, tmp_path: Path) -> None:
-    config = run_bench_kit.write_config(
-        tmp_path, heuristics=["random", {"heuristic": "nearest", "options": {"power": 2.0}}], metrics=["error"],
-        scenes=[{"scene": "balls.yaml", "frames": "0:4"}],
-    )  # fmt: skip
-    command = ("-m", "phrt.cli", "bench", config, "-o", "run", "--cache", "cache", "--quiet", "--jobs", "1")
-    run(installed, *command, folder=tmp_path)
-    cells = [json.loads(path.read_text()) for path in tmp_path.glob("run/cells/*/cell.json")]
-    assert {cell["heuristic"] for cell in cells} == {"random", "nearest"}
-    with (tmp_path / "run" / "summary.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert {row["label"] for row in rows if row["metric"] == "display_error"} == {"random", "nearest"}
-
-
-def test_the_wheel_of_phrt_has_the_templates(tmp_path: Path) -> None:
-    needs.package("hatchling")
-    build = ("wheel", "--no-index", "--no-deps", "--no-build-isolation", "-w", tmp_path, PROJECT)
-    pip(Path(sys.executable), *build, folder=tmp_path)
-    (wheel,) = tmp_path.glob("*.whl")
-    with zipfile.ZipFile(wheel) as archive:
-        inside = {name for name in archive.namelist() if name.startswith("phrt/_template/")}
-    for kind in template.KINDS:
-        for path in template.template_files(kind):
-            assert f"phrt/_template/{kind}/{path}" in inside
+def test_a_scene_that_is_there_is_left_alone_and_so_is_its_benchmark(tmp_path: Path) -> None:
+    (tmp_path / "room_bench.yaml").write_text("mine")
+    done = phrt("new", "scene", "room", "--dir", str(tmp_path))
+    assert done.code == 2
+    assert f"'{tmp_path}/room_bench.yaml' exists already" in done.said
+    assert [path.name for path in tmp_path.iterdir()] == ["room_bench.yaml"]
 
 
 def test_help_helps() -> None:
     done: Outcome = phrt("new", "--help")
     assert done.code == 0
-    for part in ("heuristic, effect, tracer or metric", "phrt-NAME", "--dir", "phrt new heuristic nearest_first"):
+    for part in (
+        "heuristic, effect, tracer, metric or scene",
+        "phrt-NAME",
+        "--dir",
+        "phrt new heuristic nearest_first",
+    ):
         assert part in " ".join(done.printed.split())

@@ -14,9 +14,20 @@ import pytest
 from pydantic import Field
 
 from phrt.errors import OptionError, PhrtWarning, PluginError
-from phrt.registry import HeuristicPlugin, LoaderPlugin, Options, Registry, TracerPlugin, get_registry, hookimpl
-from phrt.registry.local import register_source
-from phrt.registry.manager import KINDS
+from phrt.registry import (
+    OLDEST_API_VERSION,
+    PLUGIN_API_VERSION,
+    CommandPlugin,
+    HeuristicPlugin,
+    LoaderPlugin,
+    Options,
+    Registry,
+    TracerPlugin,
+    descriptors,
+    get_registry,
+    hookimpl,
+)
+from phrt.registry.manager import CORE_COMMANDS, KINDS
 
 
 class KnobOptions(Options):
@@ -243,7 +254,22 @@ def test_a_plugin_that_exits_while_it_is_imported_does_not_take_the_program_down
         ({}, "implements none of the hooks phrt_gbuffers, phrt_tracers"),
         (hooks("embree"), "phrt_tracers returned 'embree', expected a list of TracerPlugin"),
         (hooks(HeuristicPlugin("h", "", "m:C")), "expected a list of TracerPlugin"),
-        (hooks(tracer("t", api_version=99)), "'t' is written for plugin API 99, this is PHRT .* with plugin API 1"),
+        (
+            hooks(tracer("t", api_version=99)),
+            "'t' needs plugin API 99, and this is PHRT .* plugin API 1. Install a newer PHRT",
+        ),
+        (
+            hooks(tracer("t", api_version=0)),
+            "'t' is written for plugin API 0; .*takes 1 and newer. Install a newer version of",
+        ),
+        (hooks(tracer("t", api_version="1")), "has api_version '1'; it must be a whole number"),
+        (hooks(tracer("t"), tracer("t")), "it brings two of tracer 't'"),
+        (hooks(CommandPlugin("render", "", "m:C"), hook="phrt_commands"), "`phrt render` is PHRT's own"),
+        (
+            hooks(LoaderPlugin("l", "", "m:C", suffixes=("OBJ",)), hook="phrt_loaders"),
+            "a suffix is lower case and begins with a dot",
+        ),
+        (hooks(tracer("t", Made)), "a factory .module:Class. as text, got <class"),
         (hooks(tracer("t", "module_without_class")), "needs a name and a factory 'module:Class'"),
         (hooks(tracer("")), "needs a name and a factory"),
     ],
@@ -320,37 +346,109 @@ def test_objects_with_hook_methods_are_plugins_too() -> None:
     assert registry.find("heuristic", "mine").owner == "Plugin"
 
 
-# Local sources
+# The plugin API's version
 
 
-def test_a_single_file_is_a_plugin(tmp_path: Path) -> None:
-    path = tmp_path / "my_heuristic.py"
-    path.write_text(
-        "from phrt.registry import HeuristicPlugin, hookimpl\n"
-        "class Mine:\n    def __init__(self, options): self.options = options\n"
-        "@hookimpl\n"
-        "def phrt_heuristics(): return [HeuristicPlugin('from_a_file', '', f'{__name__}:Mine')]\n"
-    )
-    register_source(str(path))
-    assert type(get_registry().create("heuristic", "from_a_file")).__name__ == "Mine"
-    get_registry()._forget(str(path))
-    assert "from_a_file" not in get_registry().names("heuristic")
+def test_a_descriptor_that_says_nothing_was_written_for_the_first_version(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert HeuristicPlugin("h", "", "m:C").api_version == 1
+    # Not the present one: what is old must not pass for new.
+    monkeypatch.setattr(descriptors, "PLUGIN_API_VERSION", 7)
+    assert HeuristicPlugin("h", "", "m:C").api_version == 1
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (None, "does not exist"),
-        ("import no_such_module_anywhere", "cannot be imported: ModuleNotFoundError"),
-        ("x = 1", "implements none of the hooks"),
-    ],
-)
-def test_a_file_that_is_no_plugin_is_an_error_that_names_it(tmp_path: Path, text: str | None, message: str) -> None:
-    path = tmp_path / "broken.py"
-    if text is not None:
-        path.write_text(text)
-    with pytest.raises(PluginError, match=rf"broken\.py.*{message}"):
-        register_source(str(path))
+@pytest.mark.parametrize(("version", "fits"), [(1, False), (2, True), (3, True), (4, False)])
+def test_versions_from_the_oldest_to_the_present_one_are_taken(
+    version: int, fits: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from phrt.registry import manager
+
+    monkeypatch.setattr(manager, "PLUGIN_API_VERSION", 3)
+    monkeypatch.setattr(manager, "OLDEST_API_VERSION", 2)
+    registry = Registry()
+    if fits:
+        registry.register(tracer("t", api_version=version))
+        assert registry.names("tracer") == ["t"]
+    else:
+        with pytest.raises(PluginError, match=r"plugin API 3.*Install a newer"):
+            registry.register(tracer("t", api_version=version))
+        assert registry.names("tracer") == []
+
+
+def test_the_versions_are_in_order() -> None:
+    assert 1 <= OLDEST_API_VERSION <= PLUGIN_API_VERSION
+
+
+def test_what_needs_a_newer_one_is_left_out_and_says_so_when_it_is_asked_for(install: Any) -> None:
+    future = module("future_plugin", **hooks(tracer("fast", api_version=9), tracer("other")))
+    with pytest.warns(PhrtWarning, match="plugin 'future' was left out: tracer 'fast' needs plugin API 9"):
+        registry = install({"future": future})
+    assert registry.plugins() == []
+    for name in ("fast", "other", "future"):
+        with pytest.raises(PluginError, match="'future' is broken: tracer 'fast' needs plugin API 9"):
+            registry.get("tracer", name)
+
+
+# Names that are taken
+
+
+def test_the_commands_that_cannot_be_taken_are_those_of_phrt() -> None:
+    from phrt.cli.main import app
+
+    own = [str(each.name) for each in [*app.registered_commands, *app.registered_groups]]
+    assert sorted(own) == sorted(CORE_COMMANDS)
+
+
+def loader(name: str, *suffixes: str) -> LoaderPlugin:
+    return LoaderPlugin(name, "", f"{__name__}:Made", suffixes=suffixes)
+
+
+def test_files_that_a_built_in_loader_reads_stay_its_own(install: Any) -> None:
+    registry = Registry()
+    registry.load_defaults()
+    grabbing = module("grabbing_plugin", **hooks(loader("aaa", ".obj", ".xyz"), hook="phrt_loaders"))
+    install({"grabbing": grabbing}, registry)
+    assert registry.loader_for(".OBJ").name == "mesh"  # type: ignore[union-attr]
+    assert registry.loader_for(".xyz").name == "aaa"  # type: ignore[union-attr]
+
+
+def test_two_packages_that_claim_an_ending_are_told_apart_by_name_only(install: Any) -> None:
+    one = module("one_plugin", **hooks(loader("one", ".xyz"), hook="phrt_loaders"))
+    two = module("two_plugin", **hooks(loader("two", ".xyz"), hook="phrt_loaders"))
+    registry = install({"one": one, "two": two})
+    with pytest.raises(
+        PluginError, match=r"'\.xyz' files are claimed by the loaders 'one' of 'one' and 'two' of 'two'"
+    ):
+        registry.loader_for(".xyz")
+    assert registry.loader_for(".abc") is None
+
+
+# Notebooks
+
+
+def test_one_descriptor_after_the_other_can_be_registered_and_each_again() -> None:
+    registry = Registry()
+    for summary in ("first", "again"):
+        registry.register(TracerPlugin("one", summary, f"{__name__}:Made"))
+        registry.register(TracerPlugin("two", summary, f"{__name__}:Failing"))
+    assert [entry.plugin.summary for entry in registry.plugins()] == ["again", "again"]
+    registry.register(TracerPlugin("one", "of another class", f"{__name__}:Failing"))
+    assert registry.get("tracer", "one").summary == "of another class"
+
+
+def test_what_is_refused_leaves_what_was_there() -> None:
+    registry = Registry()
+    registry.register(module("mine", **hooks(tracer("one"))), owner="mine")
+    with pytest.raises(PluginError, match="needs plugin API 9"):
+        registry.register(module("mine", **hooks(tracer("two", api_version=9))), owner="mine")
+    with pytest.raises(ZeroDivisionError):
+        registry.register(module("mine", phrt_tracers=hookimpl(lambda: 1 / 0)), owner="mine")
+    assert registry.names("tracer") == ["one"]
+
+
+def test_a_module_says_its_version() -> None:
+    registry = Registry()
+    registry.register(module("mine", __version__="2.5", **hooks(tracer("one"))))
+    assert registry.find("tracer", "one").version == "2.5"
 
 
 # Laziness
