@@ -31,7 +31,9 @@ class Defaults:
         if entry.kind in ("gbuffer", "tracer"):
             return "auto" if self._auto(entry.kind).name == entry.name else ""
         if entry.kind == "loader":
-            return " ".join(suffix for suffix, name in self.files.items() if name == entry.name)
+            return " ".join(
+                each for each in getattr(entry.plugin, "suffixes", ()) if self.files.get(each) == entry.name
+            )
         fixed = {"effect": DEFAULT_EFFECTS, "heuristic": (DEFAULT_HEURISTIC,)}
         return "yes" if entry.name in fixed.get(entry.kind, ()) else ""
 

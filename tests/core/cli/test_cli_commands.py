@@ -211,9 +211,10 @@ def test_a_plugin_file_can_be_used_at_once(capsys: pytest.CaptureFixture[str], s
 def test_plugins_lists_every_plugin_with_its_availability(capsys: pytest.CaptureFixture[str]) -> None:
     out, _ = phrt(capsys, "plugins")
     for entry in get_registry().plugins():
-        line = next(line for line in out.splitlines() if line.split()[:2] == [entry.kind, entry.name])
+        (line,) = [line for line in out.splitlines() if line.split()[:2] == [entry.kind, entry.name]]
         reason = entry.unavailable_reason()
-        assert line.endswith("yes" if reason is None else f"no: {reason}")
+        assert f" {'yes' if reason is None else 'no'} " in line.removesuffix(entry.plugin.summary)
+        assert reason is None or f"  {entry.kind} {entry.name}: {reason}" in out
 
 
 def test_plugins_as_json_can_be_filtered(capsys: pytest.CaptureFixture[str]) -> None:
