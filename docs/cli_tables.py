@@ -58,9 +58,9 @@ def rows(command: Any) -> list[Row]:
 def row(parameter: Any, kind: Any, default: object) -> Row:
     """One of them; `kind` is its type and `default` what the function has."""
     argument = parameter.param_type_name == "argument"
-    value = "" if kind is bool else parameter.metavar or value_name(kind)
-    names = (value or parameter.name.upper(),) if argument else (*parameter.opts, *parameter.secondary_opts)
-    return Row(names, "" if argument else value, default_text(default, names), parameter.help or "", argument)
+    word = parameter.metavar or (parameter.name.upper() if argument else "" if kind is bool else value_name(kind))
+    names = (word,) if argument else (*parameter.opts, *parameter.secondary_opts)
+    return Row(names, "" if argument else word, default_text(default, names), parameter.help or "", argument)
 
 
 def plain_type(hint: Any) -> Any:

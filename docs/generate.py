@@ -28,7 +28,7 @@ from phrt.interfaces.metric import Column
 from phrt.registry import Plugin, get_registry, hookspecs
 from phrt.registry.manager import KINDS, RegisteredPlugin, hook_name, import_factory
 from phrt.registry.options import option_rows
-from phrt_plugins.bench.config import BenchConfig, HeuristicEntry, SceneEntry
+from phrt_plugins.bench.config import BenchConfig, HeuristicEntry, PathTraced, SceneEntry
 
 DOCS = Path(__file__).resolve().parent
 PAGES = sorted(str(page.relative_to(DOCS)) for page in DOCS.rglob("*.md") if "<!-- generated: " in page.read_text())
@@ -134,8 +134,14 @@ def hook(kind: str, descriptor: type[Plugin]) -> str:
     name = hook_name(kind)
     added = [field.name for field in fields(descriptor) if field.name not in Plugin.__dataclass_fields__]
     own = f" with {', '.join(f'`{each}`' for each in added)}" if added else ""
-    purpose = cleandoc(getattr(hookspecs, name).__doc__)
-    return f"### `{name}`\n\n{purpose}\n\nIt returns `{descriptor.__name__}`{own}. {described(descriptor)}\n"
+    more = re.sub(r"^Makes .*?\.(\s+|$)", "", described(descriptor), flags=re.DOTALL)
+    parts = [
+        f"### `{name}`",
+        cleandoc(getattr(hookspecs, name).__doc__),
+        f"Returns a list of `{descriptor.__name__}`{own}.",
+        more,
+    ]
+    return "\n\n".join(filter(None, parts)) + "\n"
 
 
 def described(descriptor: type[Plugin]) -> str:
@@ -161,11 +167,16 @@ def error_table() -> str:
     return table(("class", "is a", "raised when"), found)
 
 
+def code(text: str) -> str:
+    """As code, where there is any."""
+    return f"`{text}`" if text not in ("", "required") else text
+
+
 def command_block(path: str) -> str:
     """How a command is called, what it does, and its arguments and options."""
     command = commands()[path]
     found = [
-        (", ".join(f"`{name}`" for name in row.names), row.value, row.default, row.meaning) for row in rows(command)
+        (", ".join(map(code, row.names)), code(row.value), code(row.default), row.meaning) for row in rows(command)
     ]
     head = ("argument, option", "value", "default", "meaning")
     return f"\n```text\n{usage(path, command)}\n```\n\n{cleandoc(command.help)}\n\n{table(head, found)}\n"
@@ -179,6 +190,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "bench": partial(keys, BenchConfig),
     "bench_scenes": partial(keys, SceneEntry),
     "bench_heuristics": partial(keys, HeuristicEntry),
+    "bench_reference": partial(keys, PathTraced),
     "descriptor": descriptor,
     "hooks": hooks,
     "errors": error_table,

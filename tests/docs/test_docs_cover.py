@@ -35,7 +35,7 @@ def section(name: str, title: str) -> str:
 @pytest.mark.parametrize(("kind", "descriptor"), KINDS.items())
 def test_every_hook_is_documented_with_its_descriptor_and_all_fields(kind: str, descriptor: type[Plugin]) -> None:
     text = section("reference/hooks.md", f"`{hook_name(kind)}`")
-    assert f"returns `{descriptor.__name__}`" in text
+    assert f"Returns a list of `{descriptor.__name__}`" in text
     added = {field.name for field in fields(descriptor)} - {field.name for field in fields(Plugin)}
     assert [name for name in added if f"`{name}`" not in text] == []
 
@@ -88,7 +88,8 @@ def test_every_command_is_documented_with_every_argument_and_option(path: str) -
     for row in cli_tables.rows(COMMANDS[path]):
         assert row.meaning, f"{path} {row.names[0]} says nothing of itself"
         names = ", ".join(f"`{name}`" for name in row.names)
-        assert f"| {names} | {row.value.replace('|', chr(92) + '|')} | {row.default} | {row.meaning} |" in text
+        value, default = (generate.code(each).replace("|", "\\|") for each in (row.value, row.default))
+        assert f"| {names} | {value} | {default} | {row.meaning} |" in text
 
 
 def test_every_command_is_in_the_list_of_commands() -> None:
