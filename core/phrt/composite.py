@@ -93,6 +93,17 @@ def compose(
     workers.map(part, chunks(len(image), CHUNK, workers.threads))
 
 
+def flat_layers(count: int, lights: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Layers and masks of `count` points without ray effects: lit by everything, reflecting the dome, with nothing behind them."""
+    layers = {
+        "visibility": np.ones((count, lights), np.float32),
+        "ambient_occlusion": np.ones((count, 1), np.float32),
+        "reflection": np.zeros((count, 3), np.float32),
+        "refraction": np.zeros((count, 3), np.float32),
+    }
+    return layers, {"reflection": np.zeros(count, np.uint8)}
+
+
 def shade_flat(
     frame: Frame,
     surfaces: SurfaceArrays,
@@ -111,13 +122,9 @@ def shade_flat(
         points, count = SurfaceArrays(*(array[piece] for array in surfaces)), piece.stop - piece.start
         direct = np.empty((count, len(lights), 3), np.float32)
         light_surfaces(points, materials, lights, view, direct, workers)
-        layers = {
-            "visibility": np.ones((count, len(lights)), np.float32) if visibility is None else visibility[piece],
-            "ambient_occlusion": np.ones((count, 1), np.float32),
-            "reflection": np.zeros((count, 3), np.float32),
-            "refraction": np.zeros((count, 3), np.float32),
-        }
-        masks = {"reflection": np.zeros(count, np.uint8)}
+        layers, masks = flat_layers(count, len(lights))
+        if visibility is not None:
+            layers["visibility"] = visibility[piece]
         compose(
             points, materials, environment, True, view, pixels[piece], direct, layers, masks, 1.0, image[piece], workers
         )  # fmt: skip

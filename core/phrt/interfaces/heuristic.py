@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from phrt.errors import PluginError
+
 if TYPE_CHECKING:
     from phrt.world import World
 
@@ -109,6 +111,27 @@ class Candidates:
         return self.object_id.astype(np.int64) * len(rank) + rank[self.effect]
 
 
+class RasterPicture(ABC):
+    """Contract: the picture of what was rasterized in a frame, before any ray, and sums of maps of it by object.
+
+    Everything is lit, without shadows; mirrors show the dome, and glass the dome straight behind it.
+    """
+
+    @abstractmethod
+    def picture(self, width: int) -> np.ndarray:
+        """(h, w, 3) float32, linear Rec.709, exposure applied, read-only: w is `width`, or the frame's own where that is less, and
+        h keeps its shape. Pixels are means over their part of the frame. Raises OptionError for a width below 1."""
+
+    @abstractmethod
+    def object_means(self, values: np.ndarray) -> np.ndarray:
+        """(N + 1,) float32: the mean of `values` (h, w) over the pixels of every object, at its id; the background at 0. 0 for
+        what is not visible.
+
+        The map may be of any size: it is laid over the frame, and every pixel takes the value at its place. Raises OptionError
+        for another shape.
+        """
+
+
 @dataclass(frozen=True)
 class FrameContext:
     """What the paper lets a heuristic look at besides the candidates: scene, time, and external parameters.
@@ -123,6 +146,11 @@ class FrameContext:
     view_speed  : how fast the picture moves, picture widths a second
     history     : do values of earlier frames stand in where nothing is traced?
     parameters  : external parameters by name, what a host program wants a heuristic to know
+    raster      : what `picture` and `object_means` are made by; contexts of a renderer have one
+
+    `picture` and `object_means` are of what was rasterized. They take time (of the ray phase) when they are asked for, and none
+    when they are not. A frame that is replayed, or rendered again, gives the same picture, whatever is traced in it. Ask in
+    `begin_frame`, and do not keep the context: it holds on to the frame.
     """
 
     world: World
@@ -137,6 +165,25 @@ class FrameContext:
     view_speed: float = 0.0
     history: bool = False
     parameters: Mapping[str, object] = field(default_factory=dict)
+    raster: RasterPicture | None = field(default=None, repr=False, compare=False)
+
+    def picture(self, width: int = 160) -> np.ndarray:
+        """(h, w, 3) float32, linear Rec.709, exposure applied, read-only: a small picture of the frame without rays, see
+        `RasterPicture.picture`. Raises PluginError in a context that was made by hand without one."""
+        return self._raster().picture(width)
+
+    def object_means(self, values: np.ndarray) -> np.ndarray:
+        """(N + 1,) float32: the mean over every object's pixels of a map of the picture, see `RasterPicture.object_means`; that of
+        item i is at `candidates.object_id[i]`. Raises PluginError as `picture`."""
+        return self._raster().object_means(values)
+
+    def _raster(self) -> RasterPicture:
+        if self.raster is None:
+            raise PluginError(
+                "this FrameContext was made by hand and has no raster picture; give it raster=, a RasterPicture, as "
+                "phrt.testing.candidates.context does"
+            )
+        return self.raster
 
 
 @dataclass(frozen=True)
@@ -187,6 +234,10 @@ class Heuristic(ABC):
     traces_everything: bool = False
     """Without a budget, does it trace every item in every frame? Then nothing has to stand in, and values of earlier frames are
     not looked for, as that takes time."""
+
+    scores: np.ndarray | None = None
+    """(n,) float32: what this frame's items are ranked by, the largest first; set in `begin_frame`. It decides nothing: it is
+    recorded, and `phrt explain` names it. None where that is R, or nothing that a number says."""
 
     @abstractmethod
     def begin_frame(self, candidates: Candidates, context: FrameContext) -> None:
