@@ -58,7 +58,12 @@ def print_wrapped(text: str, indent: str = "") -> None:
     if width is not None and len(text) > width:
         spaces = text[: len(text) - len(text.lstrip())]
         wrapped = textwrap.wrap(
-            text.strip(), width, initial_indent=spaces, subsequent_indent=indent, break_long_words=False
+            text.strip(),
+            width,
+            initial_indent=spaces,
+            subsequent_indent=indent,
+            break_long_words=False,
+            break_on_hyphens=False,
         )
         text = "\n".join(wrapped)
     results().print(text, markup=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib.util
 import json
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -72,13 +73,23 @@ def show_plugin(
     print_wrapped(entry.plugin.summary)
     print_wrapped("available: " + ("yes" if about["available"] else f"no: {about['reason']}"))
     print_wrapped("default: " + (about["default_reason"] or "no, it is used where it is named"))
-    if page:
-        out.print(f"\n{page}", markup=False)
+    for paragraph in page.split("\n\n") if page else ():
+        out.print("")
+        print_paragraph(paragraph)
     out.print("\nOptions:" if options else "\nOptions: none", markup=False)
     for row in options:
         value = " ".join(filter(None, (row.default, row.unit)))
         print_wrapped(f"  {row.name} = {value}    {row.allowed}", "      ")
         print_wrapped(f"      {row.meaning}", "      ")
+
+
+def print_paragraph(text: str) -> None:
+    """A paragraph of a manual page: its words flow, but lists and what is indented keep their lines."""
+    lines = text.splitlines()
+    if line_width() is not None and not any(line.startswith((" ", "-", "|")) for line in lines):
+        lines = [" ".join(lines)]
+    for line in lines:
+        print_wrapped(line, " " * (len(line) - len(line.lstrip()) + 2 * line.lstrip().startswith("-")))
 
 
 def print_rows(rows: list[dict[str, Any]]) -> None:
@@ -158,10 +169,9 @@ def describe_plugin(entry: RegisteredPlugin, defaults: Defaults) -> dict[str, An
 def manual_page(entry: RegisteredPlugin) -> str:
     """The docstring on top of the plugin's file, read without importing it; empty when there is none."""
     try:
-        module = entry.plugin.factory.partition(":")[0]
-        spec = importlib.util.find_spec(module)
-        get_source = getattr(spec.loader if spec else None, "get_source", None)
-        source = get_source(module) if get_source else None
-        return ast.get_docstring(ast.parse(source)) or "" if source else ""
-    except (ImportError, ValueError, SyntaxError):
+        spec = importlib.util.find_spec(entry.plugin.factory.partition(":")[0])
+        if spec is None or spec.origin is None or not spec.origin.endswith(".py"):
+            return ""
+        return ast.get_docstring(ast.parse(Path(spec.origin).read_text(encoding="utf-8"))) or ""
+    except (ImportError, OSError, ValueError, SyntaxError):
         return ""

@@ -98,14 +98,14 @@ def taken_by(kind: str, name: str, files: Mapping[str, str]) -> str | None:
         if entry.name == name:
             whose = "PHRT has one" if entry.origin == "built-in" else f"{entry.source} has one"
             return f"{whose}, and names of {kind}s are unique"
+    if keyword.iskeyword(class_name(name)):
+        return f"{class_name(name)} is a word of Python's"
     own = class_name(f"my_{kind}")
     code = "\n".join(text for path, text in files.items() if path.endswith(".py"))
     others = set(re.findall(r"\b[A-Z]\w+", code)) - {own, f"{own}Options"}
     clash = sorted(others & {class_name(name), f"{class_name(name)}Options"})
     if clash or name in OURS:
         return f"PHRT itself has {clash[0] if clash else f'phrt_{name}'}"
-    if keyword.iskeyword(class_name(name)):
-        return f"{class_name(name)} is a word of Python's"
     return column_owner(name) if kind == "metric" else None
 
 

@@ -31,9 +31,7 @@ def register_source(source: str) -> str:
     try:
         get_registry().register(module, owner=owner)
     except PluginError as error:
-        raise PluginError(f"plugin '{source}': {error}") from error
-    except (Exception, SystemExit) as error:
-        raise PluginError(f"plugin '{source}': its hook failed: {describe(error)}") from error
+        raise PluginError(str(error) if owner in str(error) else f"plugin '{source}': {error}") from error
     return owner
 
 

@@ -48,7 +48,8 @@ class BenchRunner:
 
     def plugins(self) -> list[str]:
         """All that the run uses and that does not ship with PHRT, each "kind/name"."""
-        used = [which for each in (*self.plan.setups, *self.plan.cells) for which in each.plugins]
+        used = [which for setup in self.plan.setups for which in setup.plugins]
+        used += [which for cell in self.plan.cells for which in cell.plugins]
         wanted = self.file.config.metrics
         metrics = default_metrics() if wanted is None else wanted
         return list(dict.fromkeys([*used, *codes_of([("metric", name) for name in metrics])]))
@@ -72,7 +73,7 @@ class BenchRunner:
         """Make the folder this run's. Raises OptionError as `check_folder`, and where it holds the run of another config."""
         self.check_folder(resume)
         root, about = self.store.root, self.store.about() if resume else None
-        metrics = make_metrics(self.file.config.metrics)
+        metrics = make_metrics(self.file.config.metrics, strict=self.work.strict)
         self._about = {
             "phrt_bench": BENCH_VERSION,
             "name": self.file.config.name,
@@ -119,6 +120,8 @@ class BenchRunner:
                 if was.get("content") != setup.content:
                     differences.append(f"the scene '{setup.scene}' ({setup.file}) is not what it was")
                 differences += _changed_codes(was.get("plugins"), setup.plugins)
+                if was.get("reference") != plain(asdict(setup))["reference"]:
+                    differences.append("what path traces the reference is another version")
             differences += _changed_codes(about.get("metrics"), mine["metrics"])
         if differences:
             shown = list(dict.fromkeys(differences))

@@ -41,7 +41,7 @@ def run(*command: str | Path, folder: Path) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize(("kind", "name"), NAMES.items())
-def test_the_package_registers_and_passes_its_own_tests(kind: str, name: str, tmp_path: Path) -> None:
+def test_the_package_registers_and_says_what_it_is(kind: str, name: str, tmp_path: Path) -> None:
     package = written(kind, name, tmp_path)
     module = package / f"phrt_{name}.py"
     registry = Registry()
@@ -52,9 +52,6 @@ def test_the_package_registers_and_passes_its_own_tests(kind: str, name: str, tm
     text = (ast.get_docstring(ast.parse(module.read_text())) or "").split("\n")[0]
     assert text.startswith(f"{name}: ")
     assert all(field.description for field in entry.plugin.options.model_fields.values())
-    quiet = ("-q", "-p", "no:cacheprovider", "-p", "no:dash")  # dash comes with open3d; its plugin warns
-    done = run(sys.executable, "-W", "error", "-m", "pytest", *quiet, folder=package)
-    assert "2 passed" in done.stdout
 
 
 @pytest.mark.parametrize(("kind", "name"), NAMES.items())

@@ -106,7 +106,7 @@ def test_a_file_that_breaks_leaves_what_it_brought_before(tmp_path: Path) -> Non
 def test_a_hook_that_raises_is_told_with_the_file(tmp_path: Path) -> None:
     path = tmp_path / "mine.py"
     path.write_text("from phrt.registry import hookimpl\n@hookimpl\ndef phrt_heuristics(): return 1 / 0\n")
-    with pytest.raises(PluginError, match=r"mine\.py': its hook failed: ZeroDivisionError"):
+    with pytest.raises(PluginError, match=r"mine\.py' is refused: its hook failed: ZeroDivisionError"):
         register_source(str(path))
 
 
