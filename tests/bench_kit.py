@@ -306,6 +306,7 @@ def write_oracle(folder: Path, plan: Plan, scene: str) -> None:
                 "budget": budget,
                 "error_floor": 0.08 * float(np.exp(0.2 * hard)),
                 "error_oracle": 0.008 * float(np.exp(0.2 * hard)),
+                "error_parts": 0.004 * float(np.exp(0.2 * hard)),
                 "benefit_oracle": 0.072 * float(np.exp(0.2 * hard)),
                 "items": 3,
                 "cost": 0.97 * capacity_of(budget),

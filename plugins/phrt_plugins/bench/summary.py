@@ -3,8 +3,9 @@
     path = summarise("runs/standard")          # DIR/summary.parquet, and summary.csv beside it
     rows = read_summary("runs/standard")
 
-What is measured frame by frame is summarised over the judged frames, what is measured once a run over all frames; `oracle_share`
-and `relevance_share` are the shares of what was possible. Rows are dicts with the columns COLUMNS. docs/statistics.md has them all.
+What is measured frame by frame is summarised over the judged frames, what is measured once a run over all frames; `oracle_share`,
+`parts_share` and `relevance_share` are the shares of what was possible. Rows are dicts with the columns COLUMNS. docs/statistics.md
+has them all.
 """
 
 from __future__ import annotations
@@ -36,9 +37,12 @@ COLUMNS = (*SETTINGS, "metric", "unit", "better", "value", "low", "high", "frame
 ORACLE_SHARE = Column(
     "oracle_share", "share of the error that the oracle takes off at the same budget", "", "higher", scope="run"
 )
+PARTS_SHARE = Column("parts_share", "the same of the oracle that may trace items in part", "", "higher", scope="run")
 RELEVANCE_SHARE = Column(
     "relevance_share", "share of the largest sum of relevance at the same budget", "", "higher", scope="run"
 )
+ORACLES = {ORACLE_SHARE: "error_oracle", PARTS_SHARE: "error_parts"}
+"""Which column of the oracle's table each is a share of."""
 ORACLE_ERROR = "display_error"
 """The column of measures that the oracle's errors are in."""
 
@@ -47,14 +51,15 @@ MOST_KNAPSACKS = 300
 """Of a cell; of more judged frames, so many that are evenly spread are solved for `relevance_share`."""
 
 
-def summarise(folder: str | Path) -> Path:
+def summarise(folder: str | Path, *, strict: bool = False) -> Path:
     """Write summary.parquet and summary.csv into the run `folder`, of what is there; each is replaced whole. The former's path.
+    strict: a metric that fails is a PluginFailure, and nothing is written.
 
     Raises OptionError where the run cannot be read, or nothing can be written.
     """
     arrow = import_arrow()
     run = BenchRun.read(folder)
-    rows = list(summary_rows(run))
+    rows = list(summary_rows(run, strict=strict))
     path = run.folder / "summary.parquet"
     with complete_file(path) as temporary:
         arrow.parquet.write_table(arrow.Table.from_pylist(rows, _schema()), temporary)
@@ -86,14 +91,14 @@ def read_summary(folder: str | Path) -> list[dict[str, Any]]:
     return list(table.to_pylist())
 
 
-def summary_rows(run: BenchRun) -> Iterator[dict[str, Any]]:
+def summary_rows(run: BenchRun, *, strict: bool = False) -> Iterator[dict[str, Any]]:
     """The rows, contestant by contestant. One without a whole block has values NaN of no frames."""
     metrics = metrics_of(run)
     known = {column.name: column for metric in metrics for column in metric.columns} | said_columns(run)
     shot_columns = [known.get(name) or Column(name, name, "", "neither") for name in measured(run)]
     for cells in run.groups().values():
         about = settings_of(run, cells)
-        for column, found in group_values(run, cells, shot_columns, metrics):
+        for column, found in group_values(run, cells, shot_columns, metrics, strict):
             yield about | {"metric": column.name, "unit": column.unit, "better": column.better} | vars(found)
 
 
@@ -137,7 +142,7 @@ def clock_text(clock: Any) -> str:
 
 
 def group_values(
-    run: BenchRun, cells: Sequence[Cell], shot_columns: Sequence[Column], metrics: Sequence[Metric]
+    run: BenchRun, cells: Sequence[Cell], shot_columns: Sequence[Column], metrics: Sequence[Metric], strict: bool
 ) -> Iterator[tuple[Column, Interval]]:
     """Every column of a contestant with its value."""
     begun = [cell for cell in cells if cell.blocks]
@@ -145,19 +150,22 @@ def group_values(
     for column in shot_columns:
         series = judged[column.name]
         yield column, interval(series.values, series.segments, column.statistic)
-    yield from run_values(run, begun, metrics)
+    yield from run_values(run, begun, metrics, strict)
     if run.has_oracle(cells[0].setup):
-        yield ORACLE_SHARE, oracle_share(run, begun)
+        for column, error in ORACLES.items():
+            yield column, oracle_share(run, begun, error)
     yield RELEVANCE_SHARE, relevance_share(run, begun)
 
 
-def run_values(run: BenchRun, cells: Sequence[Cell], metrics: Sequence[Metric]) -> Iterator[tuple[Column, Interval]]:
+def run_values(
+    run: BenchRun, cells: Sequence[Cell], metrics: Sequence[Metric], strict: bool
+) -> Iterator[tuple[Column, Interval]]:
     """The columns of scope "run". One that is a statistic of a number a frame (`RUN_COLUMNS`) has an interval; others are the mean
     of the repeats, or their maximum or sum where the column says so."""
     from phrt_plugins.metrics.measure import all_columns, measure_run
 
     frames = frames_of(run, cells)
-    found = {repeat: measure_run(metrics, each) for repeat, each in frames.items()}
+    found = {repeat: measure_run(metrics, each, strict=strict) for repeat, each in frames.items()}
     longest = max((len(each) for each in frames.values()), default=0)
     with_interval = intervals_of(frames, found)
     for column in all_columns(metrics, "run"):
@@ -193,21 +201,22 @@ def is_of(series: Series, column: str, found: Mapping[int, Mapping[str, float]])
     return bool(ours) and np.allclose(ours, theirs, rtol=1e-6, atol=1e-9, equal_nan=True)
 
 
-def oracle_share(run: BenchRun, cells: Sequence[Cell]) -> Interval:
-    """(error of the floor - error of the contestant) / (error of the floor - error of the oracle): sums over the judged frames."""
+def oracle_share(run: BenchRun, cells: Sequence[Cell], best: str = "error_oracle") -> Interval:
+    """(error of the floor - error of the contestant) / (error of the floor - error of the oracle): sums over the judged frames.
+    best: the column of the oracle's table that is its error."""
     if not cells:
         return NOTHING
-    above, below = oracle_series(run, cells)
+    above, below = oracle_series(run, cells, best)
     return ratio_interval(above.values, below.values, above.segments)
 
 
-def oracle_series(run: BenchRun, cells: Sequence[Cell]) -> tuple[Series, Series]:
+def oracle_series(run: BenchRun, cells: Sequence[Cell], error_best: str) -> tuple[Series, Series]:
     """Error that a contestant and the oracle of its budget took off the floor's, judged frame by judged frame."""
     cell = cells[0]
-    table = run.oracle(cell.setup, ["frame", "budget", "error_floor", "error_oracle"])
+    table = run.oracle(cell.setup, ["frame", "budget", "error_floor", error_best])
     at = np.asarray(table.column("budget").to_pylist(), object) == cell.budget
     frames = table.column("frame").to_numpy()[at]
-    floor, best = (table.column(name).to_numpy()[at] for name in ("error_floor", "error_oracle"))
+    floor, best = (table.column(name).to_numpy()[at] for name in ("error_floor", error_best))
     order = np.argsort(frames)
     known, floor, best = frames[order], floor[order], best[order]
     error = judged_series(run, cells, [ORACLE_ERROR])[ORACLE_ERROR]

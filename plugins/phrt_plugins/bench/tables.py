@@ -35,6 +35,7 @@ FORMS = {
     "display_error": ".3g",
     "relmse": ".3g",
     "oracle_share": PERCENT,
+    "parts_share": PERCENT,
     "relevance_share": PERCENT,
     "flips_area": PERCENT,
     "late_share": PERCENT,
@@ -48,6 +49,7 @@ FORMS = {
 
 HEADINGS = {
     "oracle_share": "of the oracle",
+    "parts_share": "... in parts",
     "relevance_share": "of sum of R",
     "late_share": "late",
     "frame_ms_p50": "p50 ms",
@@ -55,7 +57,8 @@ HEADINGS = {
     "frame_ms_p99": "p99 ms",
 }
 BESIDE = (
-    "ssim", "oracle_share", "relevance_share", "frame_ms_p50", "frame_ms_p95", "frame_ms_p99", "fps", "late_share", "rays",
+    "ssim", "oracle_share", "parts_share", "relevance_share", "frame_ms_p50", "frame_ms_p95", "frame_ms_p99", "fps",
+    "late_share", "rays",
 )  # fmt: skip
 """What stands beside the main metric, where anybody has it."""
 
@@ -196,7 +199,9 @@ def _notes(board: Board) -> list[str]:
     if board.at_cost:
         notes.append(f"{board.first[0].label} is first with {board.at_cost} of the next.")
     if any(entry.value("oracle_share").value > 1.0 for entry in board.ranked):
-        notes.append("The oracle has no values of earlier frames; who keeps them can pass it.")
+        notes.append(
+            "The oracle traces whole items and has no values of earlier frames; who traces parts, or keeps values, can pass it."
+        )
     if board.frames < FEWEST_FRAMES:
         notes.append(f"Fewer than {FEWEST_FRAMES} frames show no difference.")
     if board.clock != "wall":

@@ -14,9 +14,9 @@ import numpy as np
 from phrt.frame import Frame
 from phrt.interfaces.effect import EffectResult, HistoryRule, LayerSpec, RayEffect
 from phrt.kernels.light import MIRROR_ROUGHNESS
-from phrt.lights import RECT
 from phrt.tracing import light_visibility
 from phrt.world import World
+from phrt_plugins.effects.expected import shadow_rays
 from phrt_plugins.effects.options import ShadowsOptions
 from phrt_plugins.effects.shadow_maps import ShadowMaps
 
@@ -40,8 +40,7 @@ class Shadows(RayEffect):
         return (materials["unlit"] == 0) & (textured | ~(mirror | clear)) & (len(world.lights) > 0)
 
     def rays_per_pixel(self, world: World) -> float:
-        extended = (world.lights["radius"] > 0) | (world.lights["kind"] == RECT) | (world.lights["tan_half_angle"] > 0)
-        return float(np.where(extended, max(self._options.samples, 1), 1).sum())
+        return shadow_rays(world, self._options.samples)
 
     def trace(self, frame: Frame, pixels: np.ndarray) -> EffectResult:
         values, rays = light_visibility(
@@ -59,6 +58,10 @@ class Shadows(RayEffect):
     def prepare_fallback(self, frame: Frame) -> None:
         if self._maps is not None:
             self._maps.prepare(frame)
+
+    def begin_run(self) -> None:
+        if self._maps is not None:
+            self._maps.begin_run()
 
     def fallback(self, frame: Frame, pixels: np.ndarray) -> np.ndarray | None:
         return None if self._maps is None else self._maps.visibility(frame, pixels)

@@ -28,6 +28,13 @@ NAME = Column("", "heuristic", "", "the contestant's label", text=True)
 COLUMNS = (
     Column("flip", "FLIP", ".4f", "mean FLIP against all-trace, lower is better", interval=True),
     Column("oracle_share", "oracle", "percent", "share of the oracle's error reduction", interval=True),
+    Column(
+        "parts_share",
+        "... in parts",
+        "percent",
+        "share of what the oracle takes off when items may be traced in part",
+        interval=True,
+    ),
     Column("relevance_share", "sum of R", "percent", "share of the largest sum of relevance", interval=True),
     Column(
         "flip_changeable", "changeable", ".4f", "mean FLIP over the pixels that a decision could change", interval=True

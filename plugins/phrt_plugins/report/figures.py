@@ -123,15 +123,22 @@ def _name_budgets(axes: Any, entries: Sequence[Entry], x: np.ndarray, y: np.ndar
         )  # fmt: skip
 
 
+SHARES = {
+    "oracle_share": "of the oracle's error reduction",
+    "parts_share": "of the oracle's that traces parts",
+    "relevance_share": "of the largest sum of R",
+}
+"""The shares of what was possible, and what they are said to be."""
+
+
 def shares(key: str, entries: Sequence[Entry], looks: Mapping[str, Look]) -> Plot | None:
     """How much of the oracle's error reduction, and of the largest sum of relevance, every contestant reached. None where neither
     is known."""
-    names = [n for n in ("oracle_share", "relevance_share") if any(np.isfinite(e.value(n)) for e in entries)]
+    names = [name for name in SHARES if any(np.isfinite(e.value(name)) for e in entries)]
     if not names:
         return None
     labels = list(dict.fromkeys(e.label for e in entries))
     budgets = list(dict.fromkeys(e.budget for e in entries))
-    titles = {"oracle_share": "of the oracle's error reduction", "relevance_share": "of the largest sum of R"}
 
     def paint(figure: Any) -> None:
         panels = figure.subplots(1, len(names), sharey=True, squeeze=False)[0]
@@ -149,7 +156,7 @@ def shares(key: str, entries: Sequence[Entry], looks: Mapping[str, Look]) -> Plo
                         va="center", fontsize=7,
                     )  # fmt: skip
             axes.axvline(1, color=INK, linewidth=1, linestyle=(0, (4, 3)))
-            axes.set_title(titles[name])
+            axes.set_title(SHARES[name])
             axes.set(xlabel="share", ylim=(len(labels) - 0.4, -0.6))
             axes.margins(x=0.12)
             axes.set_yticks(range(len(labels)), [name_text(label) for label in labels])

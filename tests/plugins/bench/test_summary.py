@@ -50,7 +50,7 @@ def block_of(folder: Path) -> Path:
 def test_there_is_a_row_per_contestant_and_metric(repeated: Path) -> None:
     rows = read_summary(repeated)
     found = by_metric(rows)
-    assert len(found) == len(rows) == 6 * 29
+    assert len(found) == len(rows) == 6 * 30
     assert tuple(rows[0]) == COLUMNS
     row = found["50ms", "gain", "flip"]
     assert {name: row[name] for name in ("contest", "setup", "scene", "size", "clock", "cells", "state")} == {
@@ -121,7 +121,8 @@ def test_a_metric_that_means_something_else_gets_no_interval(small: Path, monkey
     assert not math.isnan(found["2000rays", "gain", "rays"]["low"])
 
 
-def test_the_share_of_the_oracle_is_a_ratio_of_sums(repeated: Path) -> None:
+@pytest.mark.parametrize(("share", "of"), [("oracle_share", "error_oracle"), ("parts_share", "error_parts")])
+def test_shares_of_the_oracles_are_ratios_of_sums(repeated: Path, share: str, of: str) -> None:
     run, found = BenchRun.read(repeated), by_metric(read_summary(repeated))
     oracle = {(r["frame"], r["budget"]): r for r in run.oracle(SETUP).to_pylist()}
     took = possible = 0.0
@@ -129,8 +130,8 @@ def test_the_share_of_the_oracle_is_a_ratio_of_sums(repeated: Path) -> None:
         for row in run.measures(cell).to_pylist():
             best = oracle[row["frame"], "50ms"]
             took += best["error_floor"] - row["display_error"]
-            possible += best["error_floor"] - best["error_oracle"]
-    row = found["50ms", "selection_graph", "oracle_share"]
+            possible += best["error_floor"] - best[of]
+    row = found["50ms", "selection_graph", share]
     assert row["value"] == pytest.approx(took / possible)
     assert row["low"] < row["value"] < row["high"]
     assert (row["better"], row["frames"]) == ("higher", 20)

@@ -86,11 +86,14 @@ def test_notes_say_what_times_are_and_what_being_first_takes() -> None:
     assert "Times are those of a clock of rays, 100 ns a ray." in notes
 
 
-def test_shares_of_an_oracle_that_has_no_history_may_pass_it() -> None:
+def test_the_oracle_may_be_passed() -> None:
     ahead = entry("gain", 1, 0.04)
     ahead = replace(ahead, values=ahead.values | {"oracle_share": value(1.4), "late_share": value(-0.0001, 0.0)})
     grid = grids([board(ahead, frames=3)])[0]
-    assert "The oracle has no values of earlier frames; who keeps them can pass it." in grid.notes
+    assert (
+        "The oracle traces whole items and has no values of earlier frames; who traces parts, or keeps values, can pass it."
+        in grid.notes
+    )
     assert "Fewer than 6 frames show no difference." in grid.notes
     assert "-0.0" not in [cell.value for cell in grid.rows[0]]
     assert "0.0 %" in [cell.value for cell in grid.rows[0]]
