@@ -39,14 +39,14 @@ class Column:
 
 @dataclass(frozen=True)
 class Shot:
-    """A judged frame beside its reference, in which everything was traced. H, W >= 7.
+    """A judged frame beside its reference: the frame with everything traced, or path traced. H, W >= 7.
 
     index            : the frame's
     image            : (H, W, 3) float32, linear Rec.709, exposure applied
     display          : (H, W, 3) uint8, sRGB, tone-mapped: what is shown
     reference, reference_display: the same of the reference
-    changeable       : (H, W) bool, pixels that a decision could change: where the displays of the reference and of the
-                       floor (nothing traced) differ
+    changeable       : (H, W) bool, pixels that a decision could change: where what is shown with everything traced and with
+                       nothing traced differs
     previous         : the frame before, whose own `previous` is None; None where it is not known
     motion           : (H, W, 2) float32, pixels, x right and y down: where the point was in the previous frame, minus here, as the
                        G-buffer's channel; NaN where that is not known; None where nothing is

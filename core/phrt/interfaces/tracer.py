@@ -17,13 +17,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TracerCapabilities:
-    """description: what the tracer is and how it works, in one line with its version; shown by `phrt doctor`.
+    """description: what the tracer is and how it works, in one line; shown by `phrt doctor`.
 
-    path_traces: can it make whole pictures by path tracing (`Tracer.render_paths`)?
+    path_tracer: what makes its path-traced pictures (`Tracer.render_paths`), with all that they depend on, such as its version:
+    pictures of another one are other pictures. Empty where it makes none.
     """
 
     description: str
-    path_traces: bool = False
+    path_tracer: str = ""
 
 
 class Tracer(ABC):
@@ -57,7 +58,7 @@ class Tracer(ABC):
         eye to a light, 2 for direct light alone; seed: of the noise, which is the same where everything else is.
 
         Needs no `build`. Warns (PhrtWarning) of what the scene has and the picture has not. Only of tracers whose capabilities
-        say `path_traces`; any other raises NotImplementedError.
+        name a `path_tracer`; any other raises NotImplementedError.
         """
         raise NotImplementedError(f"{type(self).__name__} cannot path trace")
 

@@ -19,7 +19,7 @@ from phrt.recording import Recorder
 from phrt.recording.arrow import import_arrow
 from phrt.renderer import Renderer
 from phrt_plugins.bench.config import HALF
-from phrt_plugins.bench.pictures import ReferencePicture, shots
+from phrt_plugins.bench.pictures import ReferencePicture, all_trace_errors, shots
 from phrt_plugins.bench.plan import Block, Cell, Setup
 from phrt_plugins.bench.scenes import new_clock
 from phrt_plugins.bench.store import whole_folder
@@ -79,6 +79,7 @@ def run_block(
             found = shots(images, judges.references, judged, setup.tone_map, renderer.workers)
             displays: dict[int, np.ndarray] = {}
             columns = measure_shots(judges.metrics, _keeping(found, displays))
+            columns |= all_trace_errors(judges.references, displays)
         write_measures(part / "measures.parquet", judged, columns)
         shown = worth_a_look(setup.kept_pictures(), judged, columns)
         write_pictures(part / "pictures", {f"frame-{k:06d}.png": displays[k] for k in displays if k in shown})

@@ -23,7 +23,8 @@ from phrt.registry.options import validate_options
 from phrt.scene import Scene
 from phrt_plugins.bench.config import HeuristicEntry, SceneEntry
 from phrt_plugins.bench.content import scene_digest
-from phrt_plugins.bench.plan import Cell, Path, Plan, Setup, short_hash, slug
+from phrt_plugins.bench.paths import path_reference
+from phrt_plugins.bench.plan import Cell, Path, PathReference, Plan, Setup, short_hash, slug
 from phrt_plugins.bench.plugin_code import codes_of
 from phrt_plugins.bench.reading import ConfigFile
 from phrt_plugins.bench.scenes import open_scene
@@ -47,6 +48,7 @@ class _Checker:
     def __init__(self, file: ConfigFile) -> None:
         self._file, self._config = file, file.config
         self._problems = Problems("config")
+        self._reference: PathReference | None = None
 
     def plan(self) -> Plan:
         config = self._config
@@ -55,6 +57,7 @@ class _Checker:
         gbuffers = [self._backend("gbuffer", i, name) for i, name in enumerate(config.gbuffers)]
         self._check_sizes()
         self._check_metrics()
+        self._check_reference()
         for number, heuristic in enumerate(config.heuristics):
             self._check_heuristic(number, heuristic)
         scenes = [self._scene(number, entry) for number, entry in enumerate(config.scenes)]
@@ -120,6 +123,10 @@ class _Checker:
     def _check_metrics(self) -> None:
         for number, name in enumerate(self._config.metrics or ()):
             self._trying(self._at("metrics", number), partial(get_registry().find, "metric", name))
+
+    def _check_reference(self) -> None:
+        if (entry := self._config.reference) is not None:
+            self._reference = self._trying(self._at("reference", "tracer"), lambda: path_reference(entry))
 
     def _check_heuristic(self, number: int, entry: HeuristicEntry) -> None:
         registry = get_registry()
@@ -210,7 +217,10 @@ class _Checker:
             ("gbuffer", gbuffer),
             *(("effect", each) for each in (*base["own"], *base["effects"])),
         ]
-        return Setup(id=f"{name}-{short_hash(said)}", **values, plugins=codes_of(used))
+        if config.reference is not None:
+            said["reference"] = config.reference.model_dump()
+            used.append(("tracer", config.reference.tracer))
+        return Setup(id=f"{name}-{short_hash(said)}", **values, plugins=codes_of(used), reference=self._reference)
 
 
 def _cell(setup: Setup, entry: HeuristicEntry, budget: str, repeat: int) -> Cell:

@@ -103,7 +103,7 @@ def bench(
 def show_plan(plan: Any, estimate: Any, as_json: bool) -> None:
     """The cells, and how long everything will take."""
     from phrt_plugins.bench.estimate import spoken
-    from phrt_plugins.bench.plan import STAGES
+    from phrt_plugins.bench.plan import ALL_TRACE_NAME, STAGES
 
     tasks = [task for stage in STAGES for task in plan.tasks(stage)]
     estimate.measure(tasks)
@@ -116,11 +116,15 @@ def show_plan(plan: Any, estimate: Any, as_json: bool) -> None:
         counted = setup.path.count + len(setup.blocks()) * setup.warm_up
         seconds = counted * cost.frame(cell, setup) if cost else None
         rows.append(cell.settings() | {"frames": setup.path.count, "blocks": len(setup.blocks()), "seconds": seconds})
+    reference = plan.setups[0].reference
+    judge = ALL_TRACE_NAME if reference is None else reference.name
     if as_json:
         warned = terminal.warned
-        print(json.dumps({"cells": rows, "tasks": len(tasks), "seconds": round(total, 1), "warnings": warned}))
+        said = {"cells": rows, "tasks": len(tasks), "seconds": round(total, 1), "reference": judge}
+        print(json.dumps(said | {"warnings": warned}))
         return
-    table = Table(title=f"{len(rows)} cells, {sum(row['frames'] for row in rows)} frames, about {spoken(total)}")
+    title = f"{len(rows)} cells, {sum(row['frames'] for row in rows)} frames, about {spoken(total)}"
+    table = Table(title=title if reference is None else f"{title}, judged by {judge}")
     for name in (
         "scene",
         "size",

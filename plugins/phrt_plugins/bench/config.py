@@ -25,7 +25,7 @@ from phrt.errors import OptionError
 HALF = "half"
 """The budget that is half of the rays that tracing everything takes."""
 
-ALL_METRICS, WALL = "all", "wall"
+ALL_METRICS, WALL, ALL_TRACE = "all", "wall", "all_trace"
 
 
 def _size(value: Any) -> Any:
@@ -96,6 +96,26 @@ def _clock(value: Any) -> Any:
     return value
 
 
+class PathTraced(Described):
+    """A reference that a tracer path traces."""
+
+    tracer: Text = Field(description="Tracer that can path trace, such as mitsuba of the package phrt-mitsuba.")
+    samples: Annotated[Whole, Field(ge=1, le=1_000_000)] = Field(
+        64, description="Paths a pixel. What is left of their noise is in every measure."
+    )
+    max_depth: Annotated[Whole, Field(ge=1, le=1000)] = Field(
+        6, description="The most edges of a path from the eye to a light; 2 is direct light alone."
+    )
+
+
+def _reference(value: Any) -> Any:
+    if value == ALL_TRACE:
+        return None
+    if not isinstance(value, (dict, PathTraced)):
+        raise ValueError(f"given {value!r}; allowed: {ALL_TRACE}, or {{tracer: NAME}} for path tracing")
+    return value
+
+
 def _metrics(value: Any) -> Any:
     if value in (ALL_METRICS, None):
         return None
@@ -110,6 +130,10 @@ def _clock_text(value: RayPrice | None) -> Any:
 
 def _metrics_text(value: list[str] | None) -> Any:
     return ALL_METRICS if value is None else value
+
+
+def _reference_text(value: PathTraced | None) -> Any:
+    return ALL_TRACE if value is None else value.model_dump()
 
 
 def _camera(value: Any) -> Any:
@@ -211,7 +235,11 @@ class BenchConfig(Described):
         3, description="Judged frames, spread over the path, that are kept as pictures."
     )
     oracle: Flag = Field(False, description="Find the best choice for every judged frame, too.")
-    reference: Literal["all_trace"] = Field("all_trace", description="What pictures are compared with.")
+    reference: Annotated[PathTraced | None, BeforeValidator(_reference), PlainSerializer(_reference_text)] = Field(
+        default=ALL_TRACE,
+        validate_default=True,
+        description="What pictures are compared with: all_trace, or {tracer: mitsuba, samples: 64}, a path-traced picture.",
+    )
     plugins: list[Text] = Field(
         default_factory=list, description="Plugins to use: modules, or .py files beside the config. Runs their code."
     )

@@ -21,6 +21,7 @@ from phrt.interfaces.metric import Metric
 from phrt.output.tonemap import to_8bit
 from phrt.renderer import Renderer
 from phrt_plugins.bench.config import HALF
+from phrt_plugins.bench.paths import path_tracing
 from phrt_plugins.bench.pictures import ReferencePicture, shots
 from phrt_plugins.bench.plan import Cell, Plan, Setup, Task
 from phrt_plugins.bench.references import References
@@ -31,13 +32,15 @@ ORACLE_FRAMES = 10
 """All-trace frames that the oracle takes a frame, nearly."""
 WRITING_S = 0.02
 """Bringing a block to the disk, nearly."""
+FEW_PATHS = 4
+"""Paths a pixel that an estimate takes the time of, the second time; the first time scenes are built and kernels compiled."""
 
 
 @dataclass(frozen=True)
 class Cost:
     """Seconds that a setup takes: to load, for a frame with nothing and with everything traced, to judge a frame.
 
-    rays: secondary rays of a frame with everything traced
+    rays: secondary rays of a frame with everything traced; paths: seconds to path trace a frame, where its reference is
     """
 
     load: float
@@ -45,6 +48,7 @@ class Cost:
     full: float
     judge: float
     rays: int
+    paths: float = 0.0
 
     def frame(self, cell: Cell, setup: Setup) -> float:
         """Of a frame of `cell`."""
@@ -105,7 +109,8 @@ class Estimate:
             return judged * ORACLE_FRAMES * cost.full
         if self._references.folder(setup, block).is_dir():
             return judged * cost.judge
-        return len(block.pictured(setup.judge_every)) * cost.full + judged * (cost.floor + cost.judge)
+        pictured = len(block.pictured(setup.judge_every))
+        return pictured * (cost.full + cost.paths) + judged * (cost.floor + cost.judge)
 
     def total(self, tasks: Sequence[Task], jobs: int = 1) -> float:
         """Seconds of all `tasks`, loading included, `jobs` at a time."""
@@ -131,7 +136,19 @@ def measured_cost(setup: Setup, metrics: Sequence[Metric]) -> Cost:
         measure_shots(metrics, judged)
         judge = time.perf_counter() - began
         rays = sum(count for kind, count in all_traced.rays.items() if kind != "primary")
-        return Cost(load, floor, full, judge, rays)
+        return Cost(load, floor, full, judge, rays, seconds_of_paths(renderer, setup, all_traced))
+
+
+def seconds_of_paths(renderer: Renderer, setup: Setup, frame: FrameResult) -> float:
+    """Seconds to path trace `frame`, by how long a few paths a pixel take; 0 where the reference is not path traced."""
+    reference = setup.reference
+    with path_tracing(reference, FEW_PATHS) as picture:
+        if reference is None or picture is None:
+            return 0.0
+        picture(renderer.world, frame.view)
+        began = time.perf_counter()
+        picture(renderer.world, frame.view)
+        return (time.perf_counter() - began) * reference.samples / FEW_PATHS
 
 
 def _second(renderer: Renderer, setup: Setup, heuristic: str) -> tuple[float, FrameResult]:

@@ -21,6 +21,7 @@ import numpy as np
 
 from phrt.errors import OptionError
 from phrt.interfaces.metric import Better
+from phrt_plugins.bench.plan import ALL_TRACE_NAME
 from phrt_plugins.bench.results import BenchRun, Cell
 from phrt_plugins.bench.series import RUN_COLUMNS, Series, common, frame_series, frames_of, judged_series, segments_of
 from phrt_plugins.bench.statistics import (
@@ -79,6 +80,7 @@ class Board:
     setups : whose contestants they are; a label is one contestant
     frames : how many judged frames all who are ranked have
     at_cost: what the one who is first alone is shown to pay for it in time, against the next; empty where nothing is shown
+    reference: what pictures were compared with
     """
 
     contest: str
@@ -96,6 +98,7 @@ class Board:
     entries: tuple[Entry, ...]
     frames: int
     at_cost: str = ""
+    reference: str = ALL_TRACE_NAME
 
     @property
     def ranked(self) -> tuple[Entry, ...]:
@@ -173,7 +176,13 @@ def verdict(boards: Sequence[Board]) -> str:
         parts.append(
             f"in {_count(len(held) - len(enough), len(held))} there are too few judged frames to show anything"
         )
-    return "; ".join(filter(None, (*parts, _unfinished(boards)))) + "."
+    return "; ".join(filter(None, (*parts, _unfinished(boards)))) + "." + _judged_by(boards)
+
+
+def _judged_by(boards: Sequence[Board]) -> str:
+    """What the reference was, where it was not all-trace."""
+    others = dict.fromkeys(board.reference for board in boards if board.reference != ALL_TRACE_NAME)
+    return f" Pictures are judged by {' and '.join(others)}." if others else ""
 
 
 def board_names(boards: Sequence[Board]) -> list[str]:
@@ -236,6 +245,7 @@ def _board(
         entries=tuple(entries),
         frames=frames,
         at_cost=_at_cost(run, placed[0], placed[1]) if len(placed) > 1 and list(ranks.values()).count(1) == 1 else "",
+        reference=run.reference_name,
     )
 
 

@@ -10,24 +10,30 @@ from pathlib import Path
 
 import numpy as np
 
-from phrt.interfaces.metric import Shot
+from phrt.interfaces.metric import Column, Shot
 from phrt.output.tonemap import to_8bit
 from phrt.workers import Workers
+from phrt_plugins.metrics.pictures import checked_pair, mean_over
 
 LARGEST_HALF = 65504.0
 """A brighter pixel saturates in float16."""
 HEADER_BYTES = 4096
 """More than what stands before the numbers of an array in a file."""
+ALL_TRACE_ERROR = Column(
+    "all_trace_error", "display_error against all-trace, where the reference is another", "", "lower"
+)
+"""What the oracle is held against: it knows all-trace, and no other reference."""
 
 
 @dataclass(frozen=True)
 class ReferencePicture:
-    """A frame in which everything was traced, and, of a judged one, the frame in which nothing was.
+    """A frame to compare with, and, of a judged one, the frame in which nothing was traced.
 
     Linear values are what is left of them in float16.
 
     image, floor: (H, W, 3) float32, linear, exposure applied; display, floor_display: (H, W, 3) uint8, sRGB
     motion : (H, W, 2) float32 pixels, as of `Shot`; None where the frame before is not known
+    traced_display: (H, W, 3) uint8, what tracing everything shows, of a judged frame that is path traced; of others it is `display`
     """
 
     image: np.ndarray
@@ -35,13 +41,15 @@ class ReferencePicture:
     floor: np.ndarray | None = None
     floor_display: np.ndarray | None = None
     motion: np.ndarray | None = None
+    traced_display: np.ndarray | None = None
 
     @property
     def changeable(self) -> np.ndarray:
         """(H, W) bool: could a decision change the pixel?"""
         if self.floor_display is None:
             return np.zeros(self.display.shape[:2], bool)
-        return np.asarray((self.display != self.floor_display).any(axis=2))
+        everything = self.display if self.traced_display is None else self.traced_display
+        return np.asarray((everything != self.floor_display).any(axis=2))
 
 
 def shots(
@@ -95,6 +103,20 @@ def one_shot(
         previous=before,
         motion=reference.motion if before is not None else None,
     )
+
+
+def all_trace_errors(
+    references: Mapping[int, ReferencePicture], displays: Mapping[int, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """The column ALL_TRACE_ERROR of judged `displays`, by number of frame; no column where references are all-trace themselves."""
+    errors = []
+    for number, display in displays.items():
+        traced = references[number].traced_display
+        if traced is None:
+            return {}
+        wanted, got = checked_pair(traced, display)
+        errors.append(mean_over(np.abs(got - wanted)))
+    return {ALL_TRACE_ERROR.name: np.array(errors, np.float64)}
 
 
 def halved(image: np.ndarray) -> np.ndarray:

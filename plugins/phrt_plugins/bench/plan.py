@@ -23,6 +23,8 @@ from phrt_plugins.bench.config import HALF
 Stage = Literal["reference", "cells", "oracle"]
 STAGES: tuple[Stage, ...] = ("reference", "cells", "oracle")
 """In this order: half budgets need the references, the oracle the times that cells had."""
+ALL_TRACE_NAME = "all-trace"
+"""What the usual reference is called in texts."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,26 @@ class Block:
 
 
 @dataclass(frozen=True)
+class PathReference:
+    """How a reference is path traced.
+
+    samples  : paths a pixel
+    max_depth: the most edges of a path from the eye to a light
+    version  : what path traces, as the tracer says; another one's pictures are other pictures
+    """
+
+    tracer: str
+    samples: int
+    max_depth: int
+    version: str
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        return reference_name(asdict(self))
+
+
+@dataclass(frozen=True)
 class Setup:
     """What needs a renderer of its own.
 
@@ -94,6 +116,7 @@ class Setup:
     clock     : nanoseconds a ray takes; None for real time
     tone_map  : curve from linear light to what is shown
     plugins   : the code of what does not ship with PHRT and its reference depends on (`phrt_plugins.bench.plugin_code`)
+    reference : how what pictures are compared with is path traced; None where it is what tracing everything shows
     """
 
     id: str
@@ -118,6 +141,7 @@ class Setup:
     judge_every: int
     pictures: int
     plugins: dict[str, str] = field(default_factory=dict)
+    reference: PathReference | None = None
 
     @property
     def timed(self) -> bool:
@@ -196,7 +220,8 @@ class Task:
     @property
     def title(self) -> str:
         """For people."""
-        what = {"reference": "reference", "cells": f"repeat {self.repeat + 1}", "oracle": "oracle"}[self.stage]
+        by = "" if self.setup.reference is None else f", {self.setup.reference.name}"
+        what = {"reference": f"reference{by}", "cells": f"repeat {self.repeat + 1}", "oracle": "oracle"}[self.stage]
         return f"{self.setup.scene} {self.setup.size[0]}x{self.setup.size[1]}, {what}, block {self.block.number}"
 
 
@@ -237,6 +262,13 @@ class Plan:
             "cells": [cell.settings() for cell in self.cells],
             "blocks": blocks,
         }
+
+
+def reference_name(said: Any) -> str:
+    """A reference for people, as a config has it: "all-trace", or "path tracing (mitsuba, 64 paths a pixel)"."""
+    if not isinstance(said, Mapping):
+        return ALL_TRACE_NAME
+    return f"path tracing ({said['tracer']}, {said['samples']} paths a pixel)"
 
 
 def rotated(cells: Sequence[Cell], turns: int) -> tuple[Cell, ...]:

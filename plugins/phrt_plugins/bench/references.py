@@ -1,4 +1,5 @@
 """References: the judged frames of a setup with everything traced, and with nothing; rendered once and kept by what they show.
+Where the setup wants that, what is compared with is path traced; what tracing everything shows is kept beside it.
 
 The name of a kept block is a digest of everything that its pictures depend on: the scene and all its files, the path, the size, the
 effects, tracer, G-buffer producer, and the versions and sources of the code. What is read is checked: a file that is cut off or of
@@ -25,6 +26,7 @@ from phrt.recording import Recorder
 from phrt.recording.folder import RUN_FILE, write_json
 from phrt.renderer import Renderer
 from phrt_plugins.bench.content import code_digest
+from phrt_plugins.bench.paths import Picture, path_tracing
 from phrt_plugins.bench.pictures import ReferencePicture, halved, read_arrays, write_arrays
 from phrt_plugins.bench.plan import Block, Setup, short_hash
 from phrt_plugins.bench.results import read_columns
@@ -34,8 +36,8 @@ RUN_FILES = (RUN_FILE, "frames.parquet", "candidates.parquet")
 ABOUT_FILE = "reference.json"
 ABANDONED_S = 3600.0
 """A reference that has been written for so long is written by nobody."""
-BYTES_A_PIXEL = 2 * (6 + 3) + 4
-"""Of a kept frame: two pictures, linear and shown, and motion."""
+BYTES_A_PIXEL = 2 * (6 + 3) + 3 + 4
+"""Of a kept frame: two pictures, linear and shown, one that is shown only, and motion."""
 
 
 def default_cache() -> Path:
@@ -51,6 +53,8 @@ def reference_key(setup: Setup, block: Block) -> str:
         "frames": frames, "times": [setup.path.time(number) for number in frames],
         "judged": block.judged(setup.judge_every), "code": code_digest(), "plugins": setup.plugins,
     }  # fmt: skip
+    if setup.reference is not None:
+        said["paths"] = asdict(setup.reference)
     return short_hash(said, 32)
 
 
@@ -73,7 +77,7 @@ class References:
         found = {}
         judged = set(block.judged(setup.judge_every))
         for number in block.pictured(setup.judge_every):
-            picture = _read_picture(folder / _file(number), f"{key} {number}", setup.size, number in judged)
+            picture = _read_picture(folder / _file(number), f"{key} {number}", setup, number in judged)
             if picture is None:
                 return None
             found[number] = picture
@@ -99,7 +103,8 @@ class References:
         shutil.rmtree(final, ignore_errors=True)
         self._forget_parts()
         with whole_folder(final) as part:
-            arrays = _everything_traced(setup, block, renderer, part / "run")
+            with path_tracing(setup.reference) as paths:
+                arrays = _everything_traced(setup, block, renderer, part / "run", paths)
             for number, floor in _nothing_traced(setup, block, renderer).items():
                 arrays[number] |= floor
             for name in RUN_FILES:
@@ -123,9 +128,12 @@ def reference_rays(folder: Path) -> list[int]:
     return [sum(count for kind, count in row if kind != "primary") for row in table["rays"].to_pylist()]
 
 
-def _everything_traced(setup: Setup, block: Block, renderer: Renderer, run: Path) -> dict[int, dict[str, np.ndarray]]:
-    """The arrays of every frame, by number; the run is recorded into `run`."""
-    renderer.restart(heuristic="all_trace", history=False, clock=RayClock())
+def _everything_traced(
+    setup: Setup, block: Block, renderer: Renderer, run: Path, paths: Picture | None
+) -> dict[int, dict[str, np.ndarray]]:
+    """The arrays of every frame, by number; the run is recorded into `run`. paths: makes the pictures to compare with, in place of
+    what tracing everything shows."""
+    renderer.restart(heuristic="all_trace", history=False, clock=RayClock(), strict=True)
     judged = set(block.judged(setup.judge_every))
     arrays: dict[int, dict[str, np.ndarray]] = {}
     with Recorder(run, renderer, settings={"setup": setup.id, "reference": "all_trace"}) as recorder:
@@ -136,6 +144,12 @@ def _everything_traced(setup: Setup, block: Block, renderer: Renderer, run: Path
             motion = renderer.producer.render(frame.view, channels=("motion",)).arrays["motion"]
             shown = to_8bit(frame.image, setup.tone_map, pool=renderer.workers)
             arrays[number] = {"image": halved(frame.image), "display": shown}
+            if paths is not None:
+                image = paths(renderer.world, frame.view)
+                arrays[number] = {
+                    "image": halved(image), "display": to_8bit(image, setup.tone_map, pool=renderer.workers),
+                    **({"traced_display": shown} if number in judged else {}),
+                }  # fmt: skip
             if number in judged and number - 1 in arrays:
                 arrays[number]["motion"] = motion.astype(np.float16)
     if recorder.failed is not None:
@@ -145,7 +159,7 @@ def _everything_traced(setup: Setup, block: Block, renderer: Renderer, run: Path
 
 def _nothing_traced(setup: Setup, block: Block, renderer: Renderer) -> dict[int, dict[str, np.ndarray]]:
     """The arrays of the floor of every judged frame."""
-    renderer.restart(heuristic="raster_only", history=False, clock=RayClock())
+    renderer.restart(heuristic="raster_only", history=False, clock=RayClock(), strict=True)
     arrays = {}
     for number in block.judged(setup.judge_every):
         frame = renderer.render(setup.path.time(number), frame_index=number, camera=setup.camera)
@@ -169,15 +183,17 @@ def _run_is_whole(folder: Path) -> bool:
         return False
 
 
-def _read_picture(path: Path, key: str, size: tuple[int, int], judged: bool) -> ReferencePicture | None:
+def _read_picture(path: Path, key: str, setup: Setup, judged: bool) -> ReferencePicture | None:
     """One frame; None where the file is not what was written for `key`."""
-    width, height = size
+    width, height = setup.size
     arrays: dict[str, Any] | None = read_arrays(path, width * height * BYTES_A_PIXEL)
     if arrays is None or "key" not in arrays or str(arrays.pop("key")) != key:
         return None
     wanted: dict[str, tuple[type, int]] = {"image": (np.float16, 3), "display": (np.uint8, 3)}
     if judged:
         wanted |= {"floor": (np.float16, 3), "floor_display": (np.uint8, 3)}
+    if judged and setup.reference is not None:
+        wanted["traced_display"] = (np.uint8, 3)
     if "motion" in arrays:
         wanted["motion"] = (np.float16, 2)
     if set(arrays) != set(wanted):

@@ -22,6 +22,7 @@ from typing import Any, Literal
 from phrt.errors import OptionError
 from phrt.recording.arrow import import_arrow
 from phrt.recording.rows import widened
+from phrt_plugins.bench.plan import reference_name
 
 BENCH_VERSION = 1
 """Of bench.json and the folder's layout."""
@@ -154,6 +155,11 @@ class BenchRun:
         """The resolved configuration."""
         return dict(self.about.get("config") or {})
 
+    @property
+    def reference_name(self) -> str:
+        """What pictures were compared with: "all-trace", or which path tracing."""
+        return reference_name(self.config.get("reference"))
+
     @cached_property
     def setups(self) -> tuple[str, ...]:
         """Of the cells, sorted."""
@@ -161,7 +167,7 @@ class BenchRun:
 
     @cached_property
     def references(self) -> dict[str, Blocks]:
-        """The all-trace reference of each setup that has one."""
+        """The run that traced everything, and the pictures to compare with, of each setup that has them."""
         return {path.name: _blocks_of(path, path.name, path.name) for path in _folders(self.folder / "references")}
 
     def cell(self, id: str) -> Cell:

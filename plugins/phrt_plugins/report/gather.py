@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from phrt_plugins.bench.plan import ALL_TRACE_NAME
 from phrt_plugins.bench.results import BenchRun, Cell
 from phrt_plugins.bench.summary import clock_text
 from phrt_plugins.report import costs, timelines, traces
@@ -197,6 +198,7 @@ def facts_of(run: BenchRun) -> list[tuple[str, str]]:
         ("Scenes", ", ".join(scenes)),
         ("Contestants", str(len(dict.fromkeys(cell.label for cell in run.cells)))),
         ("Budgets", ", ".join(planned_budgets(run))),
+        ("Reference", "" if run.reference_name == ALL_TRACE_NAME else run.reference_name),
         ("Repeats", str(1 + max((cell.repeat for cell in run.cells), default=0))),
         ("Cells", f"{sum(cell.state == 'ok' for cell in run.cells)} of {len(run.cells)} whole"),
         ("Machine", str(about(run, "machine").get("cpu") or "unknown")),

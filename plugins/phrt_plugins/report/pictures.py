@@ -22,7 +22,7 @@ BYTES_A_PIXEL = 0.5
 MOST_MAP_PIXELS = 16_000_000
 """FLIP takes more than a second a million pixels: maps beyond this are left out."""
 THUMBNAIL_WIDTH = 320
-REFERENCE, FLOOR = "reference (all-trace)", "raster only"
+FLOOR = "raster only"
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,8 @@ def frames_of(run: BenchRun, setup: str, cells: Sequence[Cell]) -> dict[int, lis
     references = {
         name: run.pictures(run.references[name]) for name in {cell.setup for cell in cells} & set(run.references)
     }
-    found = {frame: [Source(REFERENCE, path, path, 0.0)] for frame, path in run.pictures(shown).items()}
+    title = f"reference ({run.reference_name})"
+    found = {frame: [Source(title, path, path, 0.0)] for frame, path in run.pictures(shown).items()}
     for frame, path in run.pictures(shown, "floor").items():
         if frame in found:
             flip = flip_at(run.measures(shown, ["frame", "flip"]), frame)

@@ -125,6 +125,7 @@ def values_of(run: BenchRun, ranking: Ranking, setups: Sequence[Setup], pictures
         "title": run.title,
         "verdict": ranking.verdict,
         "main_metric": ranking.main.upper(),
+        "reference": run.reference_name,
         "better": ranking.better,
         "warnings": gather.warnings_of(run),
         "facts": gather.facts_of(run),
