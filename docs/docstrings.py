@@ -47,7 +47,7 @@ def described_names(thing: Any) -> set[str]:
         return {parameter.name for parameter in thing.parameters}
     if thing.is_class:
         return {*thing.all_members, *(parameter.name for parameter in thing.parameters)}
-    return set(thing.members) if thing.is_module else set()
+    return set()
 
 
 def rewrite(thing: Any) -> None:
