@@ -48,11 +48,30 @@ def make_layer(mitsuba: Any, world: World, objects: np.ndarray, robust: bool) ->
 
 def make_scene(mitsuba: Any, world: World, rows: np.ndarray, robust: bool) -> Any:
     """A Mitsuba scene of one mesh: triangles `rows` (n,) of the world, in this order; its arrays are copies."""
-    corners, faces = np.unique(world.triangles[rows], return_inverse=True)
-    positions = np.ascontiguousarray(world.positions[corners], np.float32)
-    mesh = mitsuba.Mesh("world", len(positions), len(rows))
-    parameters = mitsuba.traverse(mesh)
+    # Not through `load_dict`, which makes what the variant of the moment asks for: that one may be another's.
+    from mitsuba import Properties, traverse
+
+    positions, faces = own_mesh(world, rows)
+    mesh = mitsuba.Mesh("world", len(positions), len(faces))
+    parameters = traverse(mesh)
     parameters["vertex_positions"] = mitsuba.Float(positions.reshape(-1))
-    parameters["faces"] = mitsuba.UInt32(faces.reshape(-1).astype(np.uint32))
+    parameters["faces"] = mitsuba.UInt32(faces.reshape(-1))
     parameters.update()
-    return mitsuba.load_dict({"type": "scene", "embree_use_robust_intersections": robust, "mesh": mesh})
+    properties = Properties("scene")
+    properties["embree_use_robust_intersections"] = robust
+    properties["world"] = mesh
+    return mitsuba.Scene(properties)
+
+
+def own_mesh(world: World, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (v, 3) float32 and triangles (n, 3) uint32 of triangles `rows`, and no vertices that they do not use.
+
+    Copies, for the world rewrites its own in place; and a vertex more is allocated, for Embree reads past the last one.
+    """
+    if len(rows) == len(world.triangles):
+        corners, faces = np.arange(len(world.positions)), world.triangles
+    else:
+        corners, faces = np.unique(world.triangles[rows], return_inverse=True)
+    padded = np.zeros((len(corners) + 1, 3), np.float32)
+    padded[:-1] = world.positions[corners]
+    return padded[:-1], faces.reshape(-1, 3).astype(np.uint32)

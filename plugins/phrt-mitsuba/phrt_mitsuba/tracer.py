@@ -11,7 +11,7 @@ Threads: Dr.Jit locks its own state, but documents no more than that (github.com
 and threads that hold its lock and the GIL have met before (issue 524). Here one lock, of the process, is held while a query
 is put together and started; rays are traced outside of it, so that queries of several threads run at the same time.
 
-Mitsuba's own rays start a little off surfaces; these do not, `Ray3f` is taken as it is: hits are exact, from t = 0 on.
+Mitsuba's own rays start a little off surfaces; these do not, `Ray3f` is taken as it is, and hits are exact.
 
 Options: `phrt_mitsuba.options.MitsubaOptions`. Source: Jakob et al. 2022, "Dr.Jit: A Just-In-Time Compiler for
 Differentiable Rendering", and https://mitsuba-renderer.org.
@@ -32,8 +32,10 @@ from phrt.rays import HitBatch, RayBatch
 from phrt_mitsuba.availability import choose_variant, load_mitsuba
 from phrt_mitsuba.geometry import Layer, make_layer
 from phrt_mitsuba.options import MitsubaOptions
+from phrt_mitsuba.paths import PathTracer
 
 if TYPE_CHECKING:
+    from phrt.camera import CameraView
     from phrt.world import Changes, World
 
 JIT = threading.RLock()
@@ -54,7 +56,10 @@ class MitsubaTracer(Tracer):
 
         self._dr: Any = drjit
         self._mi: Any = getattr(package, variant)
-        self.capabilities = TracerCapabilities(description(package.__version__, variant, drjit))
+        self.capabilities = TracerCapabilities(
+            description(package.__version__, variant, drjit), path_tracer=f"Mitsuba {package.__version__}, {variant}"
+        )
+        self._paths = PathTracer(variant)
         self._built = False
         self._movers: set[int] = set()
         self._still: Layer | None = None
@@ -94,13 +99,22 @@ class MitsubaTracer(Tracer):
         with JIT:
             ray, usable = self._ray(rays)
             blocked = self._mi.Bool(False)
+            coherent = self._mi.Bool(rays.coherent)
             for scene in casters:
-                blocked |= scene.ray_test(ray, self._mi.Bool(rays.coherent), usable & ~blocked)
+                # Rays that are switched off may come back as blocked.
+                blocked |= usable & scene.ray_test(ray, coherent, usable & ~blocked)
             self._dr.eval(blocked)
         return plain(blocked)
 
+    def render_paths(
+        self, world: World, view: CameraView, *, samples: int, max_depth: int, seed: int = 0
+    ) -> np.ndarray:
+        with JIT:
+            return self._paths.render(world, view, samples=samples, max_depth=max_depth, seed=seed)
+
     def close(self) -> None:
         self._still = self._moving = None
+        self._paths.close()
         self._built = False
 
     def _layers(self) -> list[Layer]:

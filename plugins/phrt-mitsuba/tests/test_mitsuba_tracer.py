@@ -50,30 +50,31 @@ def test_it_keeps_the_contract(device: str, robust: bool) -> None:
     check_tracer("mitsuba", {"device": device, "robust": robust})
 
 
-@pytest.mark.parametrize("other", ["embree", "numpy"])
-def test_hits_of_a_real_scene_are_those_of_other_tracers(tracer: Tracer, atrium: World, other: str) -> None:
+@pytest.mark.parametrize(("other", "count"), [("embree", 20_000), ("numpy", 400)])
+def test_hits_of_a_real_scene_are_those_of_other_tracers(tracer: Tracer, atrium: World, other: str, count: int) -> None:
+    """But for triangles that lie in one place, of which any may be named."""
     low, high = atrium.bounds()
     tracer.build(atrium)
     reference = built(other, atrium)
     for t_max in (np.inf, 2.0):
-        rays = rays_between(low, high, 3000, 4, t_max)
+        rays = rays_between(low, high, count, 4, t_max)
         found, wanted = tracer.closest_hit(rays), reference.closest_hit(rays)
+        assert np.isfinite(wanted.distance).mean() > 0.2, "too few rays hit anything to tell"
+        np.testing.assert_allclose(found.distance, wanted.distance, rtol=5e-5, atol=2e-5)
         same = found.primitive == wanted.primitive
-        assert np.isfinite(wanted.distance).sum() > 500, "too few rays hit anything to tell"
-        assert np.count_nonzero(~same) <= 6
-        np.testing.assert_allclose(found.distance[same], wanted.distance[same], rtol=2e-5, atol=2e-5)
+        assert same.mean() > 0.95
         both = same & (found.primitive != NO_PRIMITIVE)
         off = np.abs(found.barycentric[both] - wanted.barycentric[both])
         assert np.quantile(off, 0.99) < 1e-3
-        assert np.count_nonzero(tracer.occluded(rays) != reference.occluded(rays)) <= 6
+        assert np.array_equal(tracer.occluded(rays), reference.occluded(rays))
     reference.close()
 
 
-def test_hits_are_exact_and_start_at_the_origin(tracer: Tracer) -> None:
+def test_hits_are_exact_however_near(tracer: Tracer) -> None:
     """Mitsuba moves the start of rays that it spawns itself; rays that it is given stay as they are."""
     tracer.build(world_of([(triangle(0.0), at())]))
-    near = np.array([0.0, 1e-7, 1e-5, 1e-3, 1.0, 1000.0], np.float32)
-    rays = rays_of(np.stack([np.full(6, 0.25), np.full(6, 0.25), near], axis=1), [0, 0, -1])
+    near = np.array([1e-7, 1e-5, 1e-3, 1.0, 1000.0], np.float32)
+    rays = rays_of(np.stack([np.full(5, 0.25), np.full(5, 0.25), near], axis=1), [0, 0, -1])
     np.testing.assert_allclose(tracer.closest_hit(rays).distance, near, rtol=1e-6)
     assert tracer.occluded(rays).all()
 
