@@ -24,6 +24,8 @@ from phrt.errors import OptionError, PhrtWarning, PluginError
 from phrt.interfaces.metric import Column, Metric, RunFrames
 from phrt.output.files import complete_file
 from phrt.recording.arrow import import_arrow
+from phrt_plugins.bench.pictures import ALL_TRACE_ERROR
+from phrt_plugins.bench.plan import ALL_TRACE_NAME
 from phrt_plugins.bench.results import BenchRun, Cell, State, read_columns
 from phrt_plugins.bench.series import RUN_COLUMNS, Series, frame_series, frames_of, judged_series, stacked
 from phrt_plugins.bench.statistics import NOTHING, Interval, interval, intervals, ratio_interval, statistic_of
@@ -44,7 +46,7 @@ RELEVANCE_SHARE = Column(
 ORACLES = {ORACLE_SHARE: "error_oracle", PARTS_SHARE: "error_parts"}
 """Which column of the oracle's table each is a share of."""
 ORACLE_ERROR = "display_error"
-"""The column of measures that the oracle's errors are in."""
+"""The column of measures that the oracle's errors are in, where pictures are compared with all-trace; else it is ALL_TRACE_ERROR."""
 
 R_COLUMNS = ("frame", "relevance", "predicted_cost", "traced_pixels", "pixel_count")
 MOST_KNAPSACKS = 300
@@ -95,6 +97,7 @@ def summary_rows(run: BenchRun, *, strict: bool = False) -> Iterator[dict[str, A
     """The rows, contestant by contestant. One without a whole block has values NaN of no frames."""
     metrics = metrics_of(run)
     known = {column.name: column for metric in metrics for column in metric.columns} | said_columns(run)
+    known[ALL_TRACE_ERROR.name] = ALL_TRACE_ERROR
     shot_columns = [known.get(name) or Column(name, name, "", "neither") for name in measured(run)]
     for cells in run.groups().values():
         about = settings_of(run, cells)
@@ -219,7 +222,8 @@ def oracle_series(run: BenchRun, cells: Sequence[Cell], error_best: str) -> tupl
     floor, best = (table.column(name).to_numpy()[at] for name in ("error_floor", error_best))
     order = np.argsort(frames)
     known, floor, best = frames[order], floor[order], best[order]
-    error = judged_series(run, cells, [ORACLE_ERROR])[ORACLE_ERROR]
+    column = ORACLE_ERROR if run.reference_name == ALL_TRACE_NAME else ALL_TRACE_ERROR.name
+    error = judged_series(run, cells, [column])[column]
     frames, rows, _ = np.intersect1d(error.frames, known, assume_unique=True, return_indices=True)
     places = np.searchsorted(known, frames)
     took = floor[places, None] - error.values[rows]

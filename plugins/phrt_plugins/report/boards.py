@@ -26,7 +26,7 @@ class Column:
 RANK = Column("", "#", "", "rank; who shares one has not been shown to differ")
 NAME = Column("", "heuristic", "", "the contestant's label", text=True)
 COLUMNS = (
-    Column("flip", "FLIP", ".4f", "mean FLIP against all-trace, lower is better", interval=True),
+    Column("flip", "FLIP", ".4f", "mean FLIP against the reference, lower is better", interval=True),
     Column("oracle_share", "oracle", "percent", "share of the oracle's error reduction", interval=True),
     Column(
         "parts_share",
