@@ -1,0 +1,141 @@
+"""Path-traced pictures of a world, by Mitsuba's `path` and `volpath`.
+
+    with PathTracer("llvm_ad_rgb") as tracer:
+        image = tracer.render(world, view, samples=64, max_depth=6, seed=0)
+
+Every pixel is the mean over its area (a box filter of one pixel), by stratified samples (Kensler 2013, "Correlated
+Multi-Jittered Sampling"). Paths end by Russian roulette after `max_depth` or LONG edges, whichever is less.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from phrt.camera import CameraView
+from phrt.errors import PhrtWarning
+from phrt_mitsuba.scene import PathScenes, make_scenes
+
+if TYPE_CHECKING:
+    from phrt.world import World
+
+LONG = 8
+MOST_PATHS = 4_000_000
+"""That a kernel has at a time: each takes some ten bytes of memory."""
+FARTHEST = 1e5
+"""Metres: Mitsuba's cameras must end somewhere."""
+
+_lock = threading.RLock()
+"""The variant belongs to the process."""
+
+
+class PathTracer:
+    """Keeps the scenes of a world for as long as nothing in it moves. variant: of Mitsuba, such as "llvm_ad_rgb"; a scalar one
+    needs no LLVM, and takes much longer."""
+
+    def __init__(self, variant: str) -> None:
+        self.variant = variant
+        self._key: tuple[Any, ...] | None = None
+        self._scenes: PathScenes | None = None
+
+    def render(self, world: World, view: CameraView, *, samples: int, max_depth: int, seed: int = 0) -> np.ndarray:
+        """As `phrt.interfaces.tracer.Tracer.render_paths`."""
+        with _using(self.variant) as mitsuba:
+            scenes = self._made(mitsuba, world)
+            camera = sensor(mitsuba, view, samples)
+            hidden = not world.environment.visible
+            paths = integrator(mitsuba, view, samples, max_depth, volumetric=scenes.volumetric, hide_emitters=hidden)
+            image = np.array(paths.render(scenes.lit, camera, seed=seed, spp=samples), np.float32)
+            if scenes.glowing is not None:
+                paths = integrator(mitsuba, view, samples, max_depth, volumetric=scenes.volumetric, hide_emitters=False)
+                image += np.array(paths.render(scenes.glowing, camera, seed=seed, spp=samples), np.float32)
+        return np.ascontiguousarray(image * np.float32(view.exposure * world.scene.settings.exposure))
+
+    def close(self) -> None:
+        """Give memory back."""
+        self._key = self._scenes = None
+
+    def __enter__(self) -> PathTracer:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def _made(self, mitsuba: Any, world: World) -> PathScenes:
+        """The scenes of `world` as it is now."""
+        key = (id(world), world.object_matrix.tobytes(), world.lights.tobytes())
+        if self._scenes is None or self._key != key:
+            known = self._scenes.notes if self._scenes is not None and self._key and self._key[0] == id(world) else ()
+            self._scenes, self._key = make_scenes(mitsuba, world), key
+            if new := [note for note in self._scenes.notes if note not in known]:
+                warnings.warn(
+                    PhrtWarning(f"path tracing '{world.scene.name}' leaves out: {'; '.join(new)}"), stacklevel=4
+                )
+        return self._scenes
+
+
+def sensor(mitsuba: Any, view: CameraView, samples: int) -> Any:
+    """The camera of `view`, whatever its jitter."""
+    # Mitsuba's cameras look along +Z, and +X is on their left.
+    matrix = view.world_from_view @ np.diag([-1.0, 1.0, -1.0, 1.0])
+    said: dict[str, Any] = {
+        "near_clip": max(float(view.near), 1e-4),
+        "far_clip": float(min(view.far, FARTHEST)),
+        "film": {
+            "type": "hdrfilm", "width": view.width, "height": view.height, "rfilter": {"type": "box"},
+            "pixel_format": "rgb", "component_format": "float32",
+        },
+        "sampler": {"type": "multijitter", "sample_count": samples},
+    }  # fmt: skip
+    if view.orthographic:
+        # An orthographic camera of Mitsuba's sees -1 to 1 across, and what the picture's shape makes of it upwards.
+        said["type"] = "orthographic"
+        matrix = matrix @ np.diag([view.tan_half[0], view.tan_half[0], 1.0, 1.0])
+    else:
+        said |= {"type": "perspective", "fov": math.degrees(2 * math.atan(view.tan_half[1])), "fov_axis": "y"}
+    return mitsuba.load_dict({**said, "to_world": mitsuba.ScalarTransform4f(matrix.astype(np.float32))})
+
+
+def integrator(
+    mitsuba: Any, view: CameraView, samples: int, max_depth: int, *, volumetric: bool, hide_emitters: bool
+) -> Any:
+    """volumetric: light passes surfaces and media on its way, which takes longer to look for."""
+    said = {
+        "type": "volpath" if volumetric else "path",
+        "max_depth": max_depth,
+        "rr_depth": min(max_depth, LONG),
+        "hide_emitters": hide_emitters,
+    }
+    if not mitsuba.variant().startswith("scalar"):
+        said["samples_per_pass"] = samples_at_a_time(samples, view.width * view.height)
+    return mitsuba.load_dict(said)
+
+
+def samples_at_a_time(samples: int, pixels: int) -> int:
+    """The largest divisor of `samples` with MOST_PATHS paths at most, or 1."""
+    fits = [part for part in range(1, samples + 1) if samples % part == 0 and part * pixels <= MOST_PATHS]
+    return max(fits, default=1)
+
+
+@contextmanager
+def _using(variant: str) -> Iterator[Any]:
+    """The package `mitsuba` with `variant` set, inside; one thread at a time."""
+    import mitsuba
+
+    with _lock:
+        before = mitsuba.variant()
+        mitsuba.set_variant(variant)
+        level = mitsuba.log_level()
+        mitsuba.set_log_level(mitsuba.LogLevel.Error)
+        try:
+            yield mitsuba
+        finally:
+            mitsuba.set_log_level(level)
+            if before is not None:
+                mitsuba.set_variant(before)
