@@ -25,7 +25,6 @@ from functools import cache
 from typing import Any, Literal
 
 from phrt.errors import PluginError
-
 from phrt_mitsuba import llvm
 
 Device = Literal["auto", "llvm", "cuda"]

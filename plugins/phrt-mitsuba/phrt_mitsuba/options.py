@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from phrt.registry import Options
 from pydantic import Field
 
+from phrt.registry import Options
 from phrt_mitsuba.availability import Device
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from phrt.registry import TracerPlugin, hookimpl
-
 from phrt_mitsuba.availability import unavailable_reason
 from phrt_mitsuba.options import MitsubaOptions
 

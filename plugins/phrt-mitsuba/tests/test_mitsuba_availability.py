@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import needs
 import pytest
+
 from phrt.cli.doctor import check
 from phrt.errors import PluginError
 from phrt.registry import get_registry

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import needs
 import numpy as np
-import phrt
 import pytest
+
+import phrt
 from phrt.conventions import NO_PRIMITIVE
 from phrt.errors import PhrtError
 from phrt.interfaces.tracer import Tracer
@@ -23,7 +24,7 @@ from phrt_mitsuba.availability import has_nvidia_gpu, unavailable_reason
 pytestmark = needs.all_need(unavailable_reason())
 
 DEVICES = ["llvm", *(["cuda"] if has_nvidia_gpu() else [])]
-ATRIUM = Path(needs.PROJECT) / "scenes" / "atrium.yaml"
+SCENES = Path(needs.PROJECT) / "scenes"
 
 
 @pytest.fixture(params=DEVICES)
@@ -39,23 +40,19 @@ def built(name: str, world: World) -> Tracer:
     return tracer
 
 
-@pytest.fixture(scope="module")
-def atrium() -> World:
-    return World(phrt.load_scene(ATRIUM))
-
-
 @pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("robust", [False, True])
 def test_it_keeps_the_contract(device: str, robust: bool) -> None:
     check_tracer("mitsuba", {"device": device, "robust": robust})
 
 
-@pytest.mark.parametrize(("other", "count"), [("embree", 20_000), ("numpy", 400)])
-def test_hits_of_a_real_scene_are_those_of_other_tracers(tracer: Tracer, atrium: World, other: str, count: int) -> None:
+@pytest.mark.parametrize(("scene", "other", "count"), [("atrium", "embree", 20_000), ("carousel", "numpy", 400)])
+def test_hits_of_a_real_scene_are_those_of_other_tracers(tracer: Tracer, scene: str, other: str, count: int) -> None:
     """But for triangles that lie in one place, of which any may be named."""
-    low, high = atrium.bounds()
-    tracer.build(atrium)
-    reference = built(other, atrium)
+    world = World(phrt.load_scene(SCENES / f"{scene}.yaml"))
+    low, high = world.bounds()
+    tracer.build(world)
+    reference = built(other, world)
     for t_max in (np.inf, 2.0):
         rays = rays_between(low, high, count, 4, t_max)
         found, wanted = tracer.closest_hit(rays), reference.closest_hit(rays)
@@ -67,6 +64,27 @@ def test_hits_of_a_real_scene_are_those_of_other_tracers(tracer: Tracer, atrium:
         off = np.abs(found.barycentric[both] - wanted.barycentric[both])
         assert np.quantile(off, 0.99) < 1e-3
         assert np.array_equal(tracer.occluded(rays), reference.occluded(rays))
+    reference.close()
+
+
+def test_a_scene_in_motion_is_followed(tracer: Tracer) -> None:
+    """60 objects turn and rise; after every step both tracers see them in the same place."""
+    world = World(phrt.load_scene(SCENES / "carousel.yaml"))
+    tracer.build(world)
+    reference = built("embree", world)
+    assert len(world.moving_objects) == 60
+    still, before = tracer._still, None  # type: ignore[attr-defined]
+    for step, time in enumerate((0.5, 1.0, 2.5)):
+        changes = world.advance(time)
+        for each in (tracer, reference):
+            each.update(world, changes)
+        rays = rays_between(*world.bounds(), 5000, seed=1)
+        found, wanted = tracer.closest_hit(rays), reference.closest_hit(rays)
+        assert np.count_nonzero(~np.isclose(found.distance, wanted.distance, rtol=1e-4, atol=1e-4)) <= 10, step
+        assert np.count_nonzero(tracer.occluded(rays) != reference.occluded(rays)) <= 10
+        assert before is None or not np.array_equal(found.distance, before), "nothing moved"
+        before = found.distance.copy()
+    assert tracer._still is still  # type: ignore[attr-defined]
     reference.close()
 
 
