@@ -17,7 +17,7 @@ from inspect import cleandoc
 from pathlib import Path
 
 import numpy as np
-from cli_tables import commands, rows, usage
+from cli_tables import Row, commands, rows, usage
 from docstrings import as_markdown
 from pydantic import BaseModel
 
@@ -167,6 +167,11 @@ def error_table() -> str:
     return table(("class", "is a", "raised when"), found)
 
 
+def called(row: Row) -> str:
+    """An argument or option as it is typed, with what follows it."""
+    return ", ".join(map(code, row.names)) + (f" {code(row.value)}" if row.value else "")
+
+
 def code(text: str) -> str:
     """As code, where there is any."""
     return f"`{text}`" if text not in ("", "required") else text
@@ -175,10 +180,8 @@ def code(text: str) -> str:
 def command_block(path: str) -> str:
     """How a command is called, what it does, and its arguments and options."""
     command = commands()[path]
-    found = [
-        (", ".join(map(code, row.names)), code(row.value), code(row.default), row.meaning) for row in rows(command)
-    ]
-    head = ("argument, option", "value", "default", "meaning")
+    found = [(called(row), code(row.default), row.meaning) for row in rows(command)]
+    head = ("argument, option", "default", "meaning")
     return f"\n```text\n{usage(path, command)}\n```\n\n{cleandoc(command.help)}\n\n{table(head, found)}\n"
 
 

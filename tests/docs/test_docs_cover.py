@@ -87,9 +87,11 @@ def test_every_command_is_documented_with_every_argument_and_option(path: str) -
     assert cli_tables.usage(path, COMMANDS[path]) in text
     for row in cli_tables.rows(COMMANDS[path]):
         assert row.meaning, f"{path} {row.names[0]} says nothing of itself"
-        names = ", ".join(f"`{name}`" for name in row.names)
-        value, default = (generate.code(each).replace("|", "\\|") for each in (row.value, row.default))
-        assert f"| {names} | {value} | {default} | {row.meaning} |" in text
+        typed = ", ".join(f"`{name}`" for name in row.names) + (
+            f" `{row.value}`".replace("|", "\\|") if row.value else ""
+        )
+        default = row.default if row.default in ("", "required") else f"`{row.default}`"
+        assert f"| {typed} | {default} | {row.meaning} |" in text
 
 
 def test_every_command_is_in_the_list_of_commands() -> None:
