@@ -138,6 +138,7 @@ class _Recomposed:
         gather_surfaces(rows, frame.surfaces, frame.direct, self._surfaces, self._direct)
         self._arrays = {name: array[rows] for name, array in layers.arrays.items()}
         self._masks = {name: mask[rows] for name, mask in layers.masks.items()}
+        self._adds = layers.adds
 
     def change_against(self, values: np.ndarray, code: int) -> np.ndarray:
         """(s,) float32, 0 to 1, what the layer changes in the displayed picture against `values` (s, C); code: their mask."""
@@ -151,7 +152,7 @@ class _Recomposed:
         compose(
             self._surfaces, frame.materials.materials, frame.environment, frame.world.environment.visible, frame.view,
             self._rows, self._direct, self._arrays | {name: values},
-            self._masks | {name: np.full(len(self._rows), code, np.uint8)}, self._exposure, other, frame.workers,
+            self._masks | {name: np.full(len(self._rows), code, np.uint8)}, self._exposure, other, frame.workers, self._adds,
         )  # fmt: skip
         display_change(self._rows, self._image, other, change)
         return change

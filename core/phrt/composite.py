@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
+from types import MappingProxyType
 
 import numpy as np
 
 from phrt.camera import CameraView
 from phrt.frame import Frame
+from phrt.interfaces.effect import Adds
+from phrt.kernels.added import add_light
 from phrt.kernels.arrays import EnvironmentArrays, SurfaceArrays
 from phrt.kernels.light import direct_light
 from phrt.kernels.shade import composite
@@ -17,6 +21,7 @@ CHUNK = 32768
 """Pixels a thread takes at a time. These kernels read every array once, in order: few calls count, not the cache."""
 FLAT_CHUNK = 4096
 """The same for `shade_flat`, whose layers live for one chunk only: they should stay in the cache."""
+NOTHING_ADDED: Mapping[str, Adds] = MappingProxyType({})
 
 
 @lru_cache(maxsize=16)
@@ -76,12 +81,15 @@ def compose(
     exposure: float,
     image: np.ndarray,
     workers: Workers,
+    adds: Mapping[str, Adds] = NOTHING_ADDED,
 ) -> None:
     """The sum of the layers at n points into image (n, 3). pixels (n,) int32: where in the picture they are.
 
     layers: visibility (n, L), ambient_occlusion (n, 1), reflection and refraction (n, 3); masks: "reflection" (n,) uint8.
+    adds: what further layers (n, 3) bring, by name, see `LayerSpec`.
     """
     camera = camera_rows(view)
+    added = [(layers[name], what == "irradiance") for name, what in adds.items() if what]
 
     def part(piece: slice) -> None:
         composite(
@@ -89,6 +97,8 @@ def compose(
             layers["ambient_occlusion"].reshape(-1), layers["reflection"], masks["reflection"], layers["refraction"],
             environment, np.float32(exposure), image,
         )  # fmt: skip
+        for layer, arrives in added:
+            add_light(piece.start, piece.stop, surfaces, materials, camera, layer, arrives, np.float32(exposure), image)
 
     workers.map(part, chunks(len(image), CHUNK, workers.threads))
 

@@ -58,6 +58,12 @@ class UnitParts:
         )  # fmt: skip
         return out
 
+    def spread(self, rays: np.ndarray, effect: int, shared: int) -> None:
+        """Add `shared` rays, which served all groups of an effect, to rays (g,) int64: by pixels, in whole rays."""
+        groups = np.flatnonzero(self.group_effect == effect)
+        ends = np.cumsum(self.group_pixels[groups])
+        rays[groups] += np.diff(np.rint(shared * (ends / ends[-1])).astype(np.int64), prepend=0)
+
     def book(self, ledger: Ledger, work: WorkItems, rays: np.ndarray, milliseconds: np.ndarray) -> list[GroupCost]:
         """Book what tracing the groups took, (g,) each; shared out as predicted. What it teaches, effect by effect."""
         share_out(

@@ -165,17 +165,21 @@ class BudgetScheduler(Scheduler):
         parts = unit_parts(work, wave, 0.0 if self.each_alone else CHUNK_RAYS)
         tasks = self._tasks(parts, effects, parts.pixels(work), frame.workers.threads)
 
-        def work_on(task: _Task) -> tuple[int, float]:
+        def work_on(task: _Task) -> tuple[int, int, float]:
             began = time.perf_counter()
-            traced = self._trace_task(frame, effects[task.effect], task.pixels, layers)
-            return traced, (time.perf_counter() - began) * 1e3
+            traced, shared = self._trace_task(frame, effects[task.effect], task.pixels, layers)
+            return traced, shared, (time.perf_counter() - began) * 1e3
 
         rays, thread_ms = np.zeros(len(parts.group_effect), np.int64), np.zeros(len(parts.group_effect))
-        for task, (traced, spent) in zip(tasks, frame.workers.map(work_on, tasks), strict=True):
-            rays[task.group] += traced
+        for_all = np.zeros(len(effects), np.int64)
+        for task, (traced, shared, spent) in zip(tasks, frame.workers.map(work_on, tasks), strict=True):
+            rays[task.group] += traced - shared
+            for_all[task.effect] += shared
             thread_ms[task.group] += spent
             name = effects[task.effect].name
             layers.rays[name] = layers.rays.get(name, 0) + traced
+        for effect in np.flatnonzero(for_all).tolist():
+            parts.spread(rays, effect, int(for_all[effect]))
         milliseconds = self._clock.wave(started, thread_ms, rays)
         booked = parts.book(ledger, work, rays, milliseconds)
         if not self.each_alone:
@@ -197,14 +201,15 @@ class BudgetScheduler(Scheduler):
                 tasks += [_Task(group, effect, own[piece]) for piece in chunks(len(own), size)]
         return tasks
 
-    def _trace_task(self, frame: Frame, effect: RayEffect, pixels: np.ndarray, layers: LayerSet) -> int:
+    def _trace_task(self, frame: Frame, effect: RayEffect, pixels: np.ndarray, layers: LayerSet) -> tuple[int, int]:
+        """Rays that were traced, and how many of them serve every pixel."""
         result = self._faults.trace(effect, frame, pixels)
         if result is None:
-            return 0
+            return 0, 0
         traced = np.ones(len(pixels), np.uint8) if result.traced is None else result.traced
         name = effect.writes.name
         scatter(pixels, result.values, traced, np.uint8(MASK_TRACED), layers.arrays[name], layers.masks[name])
-        return result.rays
+        return result.rays, result.shared_rays
 
 
 @dataclass(frozen=True)

@@ -14,14 +14,28 @@ if TYPE_CHECKING:
     from phrt.world import World
 
 
+Adds = Literal["", "irradiance", "radiance"]
+"""What a layer adds to the picture, see `LayerSpec`."""
+
+
 @dataclass(frozen=True)
 class LayerSpec:
-    """A layer an effect writes. `components` 0 means one component per light of the scene."""
+    """A layer an effect writes. `components` 0 means one component per light of the scene.
+
+    adds: what the composition makes of a layer that it does not know by name: nothing (""), or it adds the layer, which has 3
+    components. "irradiance" arrives at the surface, in lux, and its body sends its diffuse share of it on; "radiance" leaves the
+    surface towards the eye, in nits, as it is. The clear value of layers that add light should be 0.
+    """
 
     name: str
     components: int
     clear: float
     meaning: str
+    adds: Adds = ""
+
+    def __post_init__(self) -> None:
+        if self.adds and self.components != 3:
+            raise ValueError(f"layer '{self.name}' adds {self.adds}, so it has 3 components, not {self.components}")
 
     def width(self, world: World) -> int:
         """Components in `world`."""
@@ -34,11 +48,14 @@ class EffectResult:
 
     traced: (n,) uint8, 0 where the effect does not apply after all (a texture made the surface rough, say) and the layer's
     clear value stays; None when every pixel holds a value.
+    shared_rays: how many of `rays` serve every pixel of the frame, whichever call came first (a photon map's, say). They are booked
+    on all that the wave traced of the effect, by pixels, so that no decision hangs on which call came first.
     """
 
     values: np.ndarray
     rays: int
     traced: np.ndarray | None = None
+    shared_rays: int = 0
 
 
 @dataclass(frozen=True)
@@ -99,7 +116,12 @@ class RayEffect(ABC):
         return None
 
     def prepare_fallback(self, frame: Frame) -> None:
-        """Called when the scene was built or changed: capture probes, render shadow maps."""
+        """Called before `fallback` in the first frame where something is not traced, and again when the scene was changed since."""
+        return
+
+    def begin_run(self) -> None:
+        """Another run begins (`Renderer.restart`). An effect whose fallbacks depend on the frames before, as probes that are
+        captured bit by bit do, forgets them here; those of a scene that stood still may be kept."""
         return
 
     @abstractmethod

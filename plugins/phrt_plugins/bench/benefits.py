@@ -286,7 +286,7 @@ class _Place:
         compose(
             self._surfaces, material_arrays(frame.world).materials, environment_arrays(frame.world),
             frame.world.environment.visible, frame.view, self._rows, self._direct, layers, masks, frame.exposure, image,
-            self._judged._workers,
+            self._judged._workers, frame.added_layers,
         )  # fmt: skip
         return image
 
@@ -309,7 +309,7 @@ def judge(
     if renderer.aa > 1:
         raise OptionError(f"aa is {renderer.aa}; what items are worth can be told for one sample per pixel only")
     heuristic = Everything()
-    renderer.restart(heuristic=heuristic, budget="none", clock=renderer.clock, history=False)
+    renderer.restart(heuristic=heuristic, budget="none", clock=renderer.clock, history=False, strict=True)
 
     def rendered(passes: int, *, each: bool = True) -> FrameResult:
         heuristic.passes, renderer.measure_each = passes, each
