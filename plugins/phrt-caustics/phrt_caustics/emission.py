@@ -1,0 +1,114 @@
+"""Which photons there are: every light's share of them, and the directions they start in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from phrt.lights import DIRECTIONAL
+from phrt.world import World
+from phrt_caustics.casters import caster_triangles, throwing_lights
+from phrt_caustics.kernels.emission import CELLS, emit, mark_cells
+
+BATCH = 4096
+"""Photons that are traced together."""
+PILOTS = 512
+"""Photons that say how much of a light's power meets casters."""
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+GAP = 1024
+"""Numbers left out between the photons of two lights, so that none are neighbours."""
+
+
+@dataclass(frozen=True)
+class Beam:
+    """The photons that one light sends to the casters: `count` of them, numbered from `first`.
+
+    cells (c,) int64, reach (CELLS,), origin, axes, side, back: as the kernels have them.
+    """
+
+    light: int
+    parallel: bool
+    cells: np.ndarray
+    reach: np.ndarray
+    origin: np.ndarray
+    axes: np.ndarray
+    side: float
+    back: float
+    count: int = 0
+    first: int = 0
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Photons start..stop of a beam."""
+
+    beam: Beam
+    start: int
+    stop: int
+
+
+def batches(world: World, photons: int, cutoff: float) -> list[Batch]:
+    """About `photons` photons of all lights, shared out by the power that meets casters. Empty where there are no casters."""
+    triangles = caster_triangles(world, cutoff)
+    if not len(triangles):
+        return []
+    corners = world.positions[world.triangles[triangles]].astype(np.float64)
+    beams = [beam for light in throwing_lights(world) if len((beam := aimed(world, int(light), corners)).cells)]
+    power = np.array([luminous_power(world, beam) for beam in beams])
+    total = float(power.sum()) if beams else 0.0
+    made: list[Batch] = []
+    number = 0
+    for beam, own in zip(beams, power, strict=True):
+        count = round(photons * own / total) if total > 0 else 0
+        sent = Beam(**{**vars(beam), "count": count, "first": number})
+        made += [Batch(sent, start, min(start + BATCH, count)) for start in range(0, count, BATCH)]
+        number += count + GAP
+    return made
+
+
+def aimed(world: World, light: int, corners: np.ndarray) -> Beam:
+    """The beam of `light` to the triangles corners (t, 3, 3), without photons yet."""
+    record, reach = world.lights[light], np.full(CELLS, np.inf, np.float32)
+    low, high = world.bounds()
+    back = float(np.linalg.norm(high - low)) + 1.0
+    parallel = bool(record["kind"] == DIRECTIONAL)
+    if parallel:
+        axes = frame_along(record["direction"].astype(np.float64))
+        across = corners.reshape(-1, 3) @ axes.T
+        least, most = across.min(axis=0), across.max(axis=0)
+        # A cell to spare on every side; a square, as cells are.
+        side = float((most - least)[:2].max()) * 1.02 + 1e-6
+        middle = (least + most) / 2
+        origin = np.array([middle[0] - side / 2, middle[1] - side / 2, least[2]]) @ axes
+    else:
+        axes, side = np.eye(3), 1.0
+        origin = record["position"].astype(np.float64)
+    mark_cells(corners, parallel, origin, axes, side, reach)
+    return Beam(light, parallel, np.flatnonzero(np.isfinite(reach)), reach, origin, axes, side, back)
+
+
+def frame_along(direction: np.ndarray) -> np.ndarray:
+    """(3, 3) float64 orthonormal rows, the last of them along `direction` (3,)."""
+    w = direction / np.linalg.norm(direction)
+    u = np.cross(np.eye(3)[int(np.argmin(np.abs(w)))], w)
+    u /= np.linalg.norm(u)
+    return np.stack([u, np.cross(w, u), w])
+
+
+def luminous_power(world: World, beam: Beam) -> float:
+    """Lumens that a beam takes to the casters, nearly."""
+    _, _, power = started(world, Beam(**{**vars(beam), "count": PILOTS}), 0, PILOTS)
+    return float(power.sum(dtype=np.float64) * (world.lights["color"][beam.light] @ LUMINANCE))
+
+
+def started(world: World, beam: Beam, start: int, stop: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Photons start..stop of a beam: origin, direction (n, 3), and power (n,) of a light of colour 1, float32."""
+    count = stop - start
+    origin, direction = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
+    power = np.empty(count, np.float32)
+    emit(
+        world.lights, beam.light, beam.parallel, start, beam.count, beam.cells, beam.reach, beam.origin, beam.axes, beam.side,
+        beam.back, origin, direction, power,
+    )  # fmt: skip
+    return origin, direction, power
