@@ -18,8 +18,9 @@ from phrt.workers import chunks
 
 CHUNK = 4096
 """Points a thread takes at a time; their surfaces and layers should stay in the cache."""
-SIDE = 2
-"""A pixel of the small picture is the mean of SIDE x SIDE pixels of the frame, evenly spread over its place."""
+SAMPLES = ((0.25, 0.25), (0.75, 0.75))
+"""Where in its place a pixel of the small picture looks at the frame, x and y; it is the mean of these. More of them would take as
+much more time: it goes into fetching surfaces from memory."""
 
 
 class FramePicture(RasterPicture):
@@ -64,7 +65,10 @@ class FramePicture(RasterPicture):
 
         def part(piece: slice) -> None:
             image = self._shade(pixels[piece.start * points : piece.stop * points])
-            np.mean(image.reshape(-1, points, 3), axis=1, out=out[piece])
+            out[piece] = image[::points]
+            for other in range(1, points):
+                out[piece] += image[other::points]
+            out[piece] /= np.float32(points)
 
         frame.workers.map(part, chunks(len(out), CHUNK // points, frame.workers.threads))
         return out.reshape(height, width, 3)
@@ -110,14 +114,14 @@ def places(frame_side: int, side: int) -> np.ndarray:
 def sampled_pixels(frame_width: int, frame_height: int, width: int, height: int) -> tuple[np.ndarray, int]:
     """(width * height * points,) int32 pixels of the frame, those of a pixel of the small picture one after the other, and how
     many points that is."""
-    columns, rows = _samples(frame_width, width), _samples(frame_height, height)
-    pixels = (rows[:, None, :, None] * frame_width + columns[None, :, None, :]).reshape(-1).astype(np.int32)
+    samples = np.array(SAMPLES) if frame_width >= 2 * width and frame_height >= 2 * height else np.array([[0.5, 0.5]])
+    columns = _at(np.arange(width)[:, None] + samples[:, 0], frame_width / width, frame_width)
+    rows = _at(np.arange(height)[:, None] + samples[:, 1], frame_height / height, frame_height)
+    pixels = (rows[:, None] * frame_width + columns[None]).reshape(-1).astype(np.int32)
     pixels.flags.writeable = False
-    return pixels, columns.shape[1] * rows.shape[1]
+    return pixels, len(samples)
 
 
-def _samples(frame_side: int, side: int) -> np.ndarray:
-    """(side, SIDE or 1) int64 pixels along a side of the frame, evenly spread over each of `side` equal parts."""
-    points = SIDE if frame_side >= SIDE * side else 1
-    at = np.arange(side)[:, None] + (np.arange(points)[None, :] + 0.5) / points
-    return np.minimum((at * frame_side / side).astype(np.int64), frame_side - 1)
+def _at(places: np.ndarray, scale: float, frame_side: int) -> np.ndarray:
+    """(n, k) int64 pixels along a side of the frame in which `places` of the small picture are."""
+    return np.minimum((places * scale).astype(np.int64), frame_side - 1)

@@ -120,7 +120,7 @@ class RasterPicture(ABC):
     @abstractmethod
     def picture(self, width: int) -> np.ndarray:
         """(h, w, 3) float32, linear Rec.709, exposure applied, read-only: w is `width`, or the frame's own where that is less, and
-        h keeps its shape. Pixels are means over their part of the frame. Raises OptionError for a width below 1."""
+        h keeps its shape. Pixels are means of samples of their part of the frame. Raises OptionError for a width below 1."""
 
     @abstractmethod
     def object_means(self, values: np.ndarray) -> np.ndarray:

@@ -7,10 +7,15 @@ the area: with the share A' of the picture's saliency that lies on an object's p
     V' = A' P / D        in place of V = A P / D, eq. (1) of Andrade et al. 2014
     R' = (S I + V') K    in place of R = (S I + V) K, eq. (3)
 
-With `weight` below 1 it is a mean of both areas: A' weight + A (1 - weight). Where nothing stands out, A' is A and R' is R. Items
-are taken by falling R' / predicted cost (`choose: ratio`, the classic rule of a knapsack; Funkhouser and Sequin 1993) or by falling
-R' (`choose: relevance`, what the paper's selection graph with refreshed pointers comes to); one that does not fit is passed over.
-Mandatory items come first.
+With `weight` below 1 it is a mean of both areas: A' weight + A (1 - weight). Where nothing stands out, A' is A and R' is R.
+Mandatory items come first. The others are taken, by `choose`,
+
+- `ratio`: whole, by falling R' / predicted cost, the classic rule of a knapsack (Funkhouser and Sequin 1993);
+- `relevance`: whole, by falling R', which is what the paper's selection graph with refreshed pointers comes to;
+- `levels`: in parts. Each pass (one pixel of each 2x2 block) is worth R' times the error that it takes away from the gaps that are
+  filled, so that what stands out gets more rays a pixel, as in selective rendering (Yee et al. 2001).
+
+What does not fit is passed over.
 
 A'/A of an object follows the map slowly (`settle_frames`), so that choices do not flicker with it. It is one value an object,
 whichever effect it is for: the map is of the picture without rays, and cannot know what an effect will add.
@@ -28,19 +33,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic
+from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic, Request
 from phrt.output.tonemap import to_8bit
 from phrt_heuristics.queue import Queue
+from phrt_saliency.levels import Levels
 from phrt_saliency.model import saliency
 from phrt_saliency.options import SaliencyOptions
 
 
 class Saliency(Heuristic):
-    """By falling R' / predicted cost, or by falling R'; of equals the dearer one."""
+    """By falling R' / predicted cost, or by falling R'; of equals the dearer one. Or in parts, see `Levels`."""
 
     def __init__(self, options: SaliencyOptions) -> None:
         self._options = options
-        self._queue: Queue | None = None
+        self._line: Queue | Levels | None = None
         self._map = np.zeros((1, 1), np.float32)
         self._ratio = np.zeros(0, np.float32)
         self._visible = np.zeros(0, bool)
@@ -51,14 +57,18 @@ class Saliency(Heuristic):
         ratio = self._follow(self._look(context), candidates, first=context.sample == 0)
         relevance = weighed(candidates, ratio, self._options.weight)
         price = candidates.predicted_cost.astype(np.float64)
-        worth = relevance / price if self._options.choose == "ratio" else relevance
-        self._queue = Queue(candidates, -price, -worth)
+        worth = relevance if self._options.choose == "relevance" else relevance / price
+        self.scores = worth.astype(np.float32)
+        if self._options.choose == "levels":
+            self._line = Levels(candidates, relevance.astype(np.float64))
+            return
+        self._line = Queue(candidates, -price, -worth)
 
-    def next(self, remaining: float) -> int | None:
-        return self._queue.next(remaining) if self._queue else None
+    def next(self, remaining: float) -> int | Request | None:
+        return self._line.next(remaining) if self._line else None
 
     def take(self, remaining: float, enough: float) -> np.ndarray | None:
-        return self._queue.take(remaining, enough) if self._queue else None
+        return self._line.take(remaining, enough) if self._line else None
 
     def _look(self, context: FrameContext) -> np.ndarray:
         """(N + 1,) float32: A'/A of every object in this frame, the saliency of its pixels over that of the picture; 1 where

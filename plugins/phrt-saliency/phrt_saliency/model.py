@@ -19,8 +19,9 @@ Ours, or other authors':
 - The paper's centers are levels 2 to 4 of a picture 640 wide. A picture of a quarter of that width begins at level 2, so here the
   centers are 0 to 2 of the small picture, with surrounds 3 and 4 levels coarser as in the paper.
 - Maps are summed at the finest center and not at the coarsest, because they are summed over small objects later.
-- Colour opponencies are (R - G) / max(R, G, B) and (B - min(R, G)) / max(R, G, B), 0 in the dark (Walther and Koch 2006): with eqs.
-  (2) and (3) as printed an even red picture would stand out everywhere.
+- Colour opponencies are (R - G) / max(R, G, B) and (B - min(R, G)) / max(R, G, B) (Walther and Koch 2006): with eqs. (2) and (3)
+  as printed an even red picture would stand out everywhere. Where it is dark they fade, as there are no colours at night; the
+  papers cut them off, which draws a line that is not there.
 - Gabor filters have a wave of 4 pixels, a round envelope, and no answer to even light; the paper leaves that open. Pyramids are
   those of Burt and Adelson 1983. Local maxima below M / 10 do not count (Walther and Koch 2006).
 - Contrasts below 1e-4 are none, and a map whose largest value is below `LEAST` is not raised to 1, or the model would look for
@@ -41,8 +42,8 @@ LEVELS = CENTERS + SURROUNDS[-1]
 MAPS = CENTERS * len(SURROUNDS)
 """Pairs of a center and a surround: how many maps a feature has."""
 
-DARKEST = np.float32(0.1)
-"""What is nowhere as bright as this has no colour."""
+DARKEST = np.float32(0.25)
+"""Of a display that shows less than this, colours fade with it."""
 FAINTEST = np.float32(1e-4)
 LEAST = np.float32(0.02)
 """About five steps of an 8-bit display."""

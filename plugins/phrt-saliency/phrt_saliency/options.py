@@ -37,8 +37,10 @@ class SaliencyOptions(MapOptions):
     weight: float = Field(
         1.0, ge=0.0, le=1.0, description="0 takes the area as it is (relevance R alone), 1 counts it in saliency alone"
     )
-    choose: Literal["ratio", "relevance"] = Field(
-        "ratio", description="by relevance for the predicted cost, or by relevance whatever it costs"
+    choose: Literal["ratio", "relevance", "levels"] = Field(
+        "ratio",
+        description="whole items by relevance for the predicted cost, whole items by relevance whatever they cost, or parts of "
+        "items by relevance for the predicted cost",
     )
     settle_frames: float = Field(
         4.0,

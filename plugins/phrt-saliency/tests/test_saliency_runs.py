@@ -105,13 +105,14 @@ def test_its_page_and_options_are_shown() -> None:
 def test_it_is_recorded_and_explained(scene: Path, tmp_path: Path) -> None:
     folder = tmp_path / "run"
     code, _, said = run(
-        "render", str(scene), "-o", str(tmp_path / "f.png"), "--frames", "0:2", "--budget", "2500rays", "--record", str(folder)
+        "render", str(scene), "-o", str(tmp_path / "f_%04d.png"), "--frames", "0:2", "--budget", "2500rays", "--record", str(folder)
     )  # fmt: skip
     assert code == 0, said
     code, printed, said = run("explain", str(folder), "--frame", "1", "--object", "/World/Red", "--effect", "shadows")
     assert code == 0, said
     assert "shadows of /World/Red were traced whole in frame 1" in " ".join(printed.split())
-    assert "that saliency asked for" in " ".join(printed.split())
+    assert "number 1 of" in " ".join(printed.split())
+    assert "that saliency asked for, with score number" in " ".join(printed.split())
 
 
 def test_a_run_is_replayed_to_the_same_pictures(scene: Path, tmp_path: Path) -> None:
