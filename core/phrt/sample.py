@@ -207,8 +207,9 @@ def _scores(run: RunState, count: int) -> np.ndarray:
     except CAUGHT as error:
         run.faults.lose_heuristic(heuristic, raised("scores", error), error)
         return nothing
-    said = isinstance(scores, np.ndarray) and scores.shape == (count,) and scores.dtype.kind == "f"
-    return scores.astype(np.float32) if said else nothing
+    if isinstance(scores, np.ndarray) and scores.shape == (count,) and scores.dtype.kind == "f":
+        return scores.astype(np.float32)
+    return nothing
 
 
 def _prepare_fallbacks(renderer: Renderer, frame: Frame) -> None:
