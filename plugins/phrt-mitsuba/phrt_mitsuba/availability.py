@@ -34,14 +34,15 @@ TRIAL_SECONDS = 120
 
 TRIAL = """
 import sys
+import drjit as dr
 import mitsuba as mi
 
 mi.set_variant(sys.argv[1])
 scene = mi.load_dict({"type": "scene", "shape": {"type": "cube"}})
 hit = scene.ray_intersect_preliminary(mi.Ray3f([0, 0, -3], [0, 0, 1]), True)
-print("hit at", hit.t[0])
+print("hit at", dr.minimum(hit.t, dr.arange(mi.Float, 16) + 3)[0])
 """
-"""Run on its own, with a variant as argument. A cube of -1 to 1 is hit at 2."""
+"""Run on its own, with a variant as argument. A cube of -1 to 1 is hit at 2; the minimum is what an old LLVM fails at."""
 EXPECTED = "hit at 2.0"
 
 _lock = threading.RLock()
@@ -132,7 +133,7 @@ def _loaded_too_early() -> str | None:
     if not version or version[0] >= llvm.OLDEST or llvm.VARIABLE in os.environ:
         return None
     return (
-        f"Dr.Jit was imported before and has taken LLVM {version[0]}, which crashes on newer processors; "
+        f"Dr.Jit was imported before and has taken LLVM {version[0]}, which cannot compile what it writes; "
         f"start with {llvm.VARIABLE}={llvm.usable()[0]}"
     )
 
@@ -158,10 +159,12 @@ def trial(variant: str, library: str | None = None) -> str | None:
 
 def explain(code: int, output: str, errors: str) -> str:
     """What a trial that failed says, in one line: the signal that killed it, or its last word."""
+    said = [line.strip() for line in errors.splitlines() if line.strip()]
     if code == 0:
         return f"a trial ray gave {output.strip() or 'nothing'!r}"
     if code < 0:
         names = {int(each): each.name for each in signal.Signals}
-        return f"a trial ray killed its process ({names.get(-code, f'signal {-code}')})"
-    last = next((line.strip() for line in reversed(errors.splitlines()) if line.strip()), f"exit {code}")
-    return f"a trial ray failed: {last}"
+        return f"a trial ray killed its process ({names.get(-code, f'signal {-code}')})" + "".join(
+            f": {line:.80}" for line in said[:1]
+        )
+    return f"a trial ray failed: {said[-1] if said else f'exit {code}'}"

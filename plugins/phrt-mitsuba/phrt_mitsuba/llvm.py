@@ -1,8 +1,8 @@
 """Which LLVM library Dr.Jit, the compiler inside Mitsuba, is to load. Only file names are read: nothing is loaded here.
 
-Dr.Jit picks one when `drjit` is imported, and it takes any from LLVM 15 on. Those that Debian 12 has (14, 15) crash on
-newer processors while they compile, and take the process with them; so older ones than `OLDEST` do not count here.
-The user's `DRJIT_LIBLLVM_PATH` is the last word.
+Dr.Jit picks one when `drjit` is imported, and it takes any from LLVM 15 on. But LLVM 15, which Debian 12 has, cannot compile
+the minimum of two numbers as Dr.Jit writes it ("Cannot select: fminimum"), and ends the process; LLVM 17 can. So older ones
+than `OLDEST` do not count here. The user's `DRJIT_LIBLLVM_PATH` is the last word.
 """
 
 from __future__ import annotations
@@ -98,5 +98,5 @@ def missing_reason(environment: Mapping[str, str] = os.environ, places: tuple[st
     if usable(environment, places):
         return None
     old = ", ".join(f"{library.path} (LLVM {library.version})" for library in installed(places))
-    found = f"only {old}, which crash on newer processors" if old else "none was found"
+    found = f"only {old}, which cannot compile what Dr.Jit writes" if old else "none was found"
     return f"Mitsuba needs an LLVM library, version {OLDEST} or newer, and {found}: {HOW_TO_INSTALL}"

@@ -85,6 +85,7 @@ def test_a_gpu_needs_no_llvm(monkeypatch: pytest.MonkeyPatch) -> None:
         ("echo 'hit at 2.0'", None),
         ("kill -ILL $$", "a trial ray killed its process (SIGILL)"),
         ("kill -SEGV $$", "a trial ray killed its process (SIGSEGV)"),
+        ("echo 'LLVM ERROR: no' >&2; kill -ABRT $$", "a trial ray killed its process (SIGABRT): LLVM ERROR: no"),
         ("echo 'hit at 7.0'", "a trial ray gave 'hit at 7.0'"),
         ("true", "a trial ray gave 'nothing'"),
         ("echo Traceback >&2; echo 'ImportError: no LLVM' >&2; exit 1", "a trial ray failed: ImportError: no LLVM"),

@@ -69,7 +69,7 @@ def test_old_libraries_are_named_as_what_they_are(tmp_path: Path) -> None:
     reason = llvm.missing_reason({}, place(tmp_path, "libLLVM-14.so.1", "libLLVM-15.so.1"))
     assert reason is not None
     assert f"only {tmp_path}/libLLVM-15.so.1 (LLVM 15), {tmp_path}/libLLVM-14.so.1 (LLVM 14)" in reason
-    assert "crash on newer processors: apt-get install libllvm19" in reason
+    assert "which cannot compile what Dr.Jit writes: apt-get install libllvm19" in reason
 
 
 def test_what_the_user_names_is_the_only_one_tried(tmp_path: Path) -> None:
