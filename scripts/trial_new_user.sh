@@ -81,7 +81,7 @@ try 0 phrt new heuristic nearest
 cp phrt-nearest/phrt_nearest.py before.py
 edit -e '1s/what is large and near is traced first/what is near and in the middle is traced first/' \
     -e 's/falling area \/ distance \*\* power, mandatory/falling center_closeness \/ distance ** power, mandatory/' \
-    -e 's/Field(1.0, ge=0.0, le=8.0, description="How much distance counts against the visible area.")/Field(2.0, ge=0.0, le=8.0, description="How much distance counts.")/' \
+    -e 's/Field(default=1.0, ge=0.0, le=8.0, description="How much distance counts against the visible area.")/Field(default=2.0, ge=0.0, le=8.0, description="How much distance counts.")/' \
     -e 's/"""By falling area \/ distance/"""By falling center_closeness \/ distance/' \
     -e 's/score = candidates.area \//score = candidates.center_closeness \//'
 changed=$(diff before.py phrt-nearest/phrt_nearest.py | grep -c '^>' || true)

@@ -33,8 +33,10 @@ def codes_of(plugins: Iterable[tuple[str, str]]) -> Codes:
 def code_of(entry: RegisteredPlugin) -> str:
     """16 hexadecimal digits of a plugin's version and of the sources of the package, or the file, that its factory is in; of what
     is written in a notebook, of the class alone."""
-    hasher = hashlib.blake2b(f"{entry.plugin.factory} {entry.version}".encode(), digest_size=8)
-    sources = _sources(entry.plugin.factory.partition(":")[0])
+    module, _, attribute = entry.plugin.factory.partition(":")
+    # What the module of a single file is called depends on what else was imported.
+    hasher = hashlib.blake2b(f"{attribute} {entry.version}".encode(), digest_size=8)
+    sources = _sources(module)
     for name, path in sources:
         hasher.update(f"{name};".encode() + path.read_bytes())
     if not sources:
@@ -102,7 +104,7 @@ def _sources(module: str) -> list[tuple[str, Path]]:
         folders = [Path(folder) for folder in spec.submodule_search_locations]
         return sorted((path.relative_to(each).as_posix(), path) for each in folders for path in each.rglob("*.py"))
     origin = Path(spec.origin) if spec is not None and spec.origin else None
-    return [(root, origin)] if origin is not None and origin.is_file() else []
+    return [(origin.name, origin)] if origin is not None and origin.is_file() else []
 
 
 def _feed_class(hasher: Any, factory: Any) -> None:

@@ -23,8 +23,10 @@ BIAS = 1e-3
 
 
 class MyEffectOptions(Options):
-    height: float = Field(5.0, gt=0.0, description="How far up something still darkens; metres.")
-    strength: float = Field(0.7, ge=0.0, le=1.0, description="Share of the ambient light that it takes away.")
+    height: float = Field(
+        default=5.0, gt=0.0, json_schema_extra={"unit": "metres"}, description="How far up something still darkens."
+    )
+    strength: float = Field(default=0.7, ge=0.0, le=1.0, description="Share of the ambient light that it takes away.")
 
 
 class MyEffect(RayEffect):

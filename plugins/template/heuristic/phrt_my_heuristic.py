@@ -12,7 +12,7 @@ from pydantic import Field
 
 
 class MyHeuristicOptions(Options):
-    power: float = Field(1.0, ge=0.0, le=8.0, description="How much distance counts against the visible area.")
+    power: float = Field(default=1.0, ge=0.0, le=8.0, description="How much distance counts against the visible area.")
 
 
 class MyHeuristic(Heuristic):

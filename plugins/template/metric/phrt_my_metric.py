@@ -12,7 +12,7 @@ from pydantic import Field
 
 
 class MyMetricOptions(Options):
-    threshold: int = Field(8, ge=0, le=254, description="Steps of 255 that a channel may be off.")
+    threshold: int = Field(default=8, ge=0, le=254, description="Steps of 255 that a channel may be off.")
 
 
 class MyMetric(Metric):

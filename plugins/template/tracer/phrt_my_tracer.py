@@ -20,7 +20,12 @@ if TYPE_CHECKING:
 
 
 class MyTracerOptions(Options):
-    chunk: int = Field(500_000, ge=1, description="Pairs of a ray and a triangle that are looked at together.")
+    chunk: int = Field(
+        default=500_000,
+        ge=1,
+        json_schema_extra={"unit": "pairs"},
+        description="Of a ray and a triangle, looked at together.",
+    )
 
 
 class MyTracer(Tracer):

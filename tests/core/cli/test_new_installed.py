@@ -14,7 +14,6 @@ import run_bench_kit
 import venv_kit
 import yaml
 from cli_kit import phrt, read_exr
-from PIL import Image
 
 from phrt.cli.template import KINDS, template_files
 
@@ -126,10 +125,14 @@ def test_a_benchmark_takes_all_four_by_its_config(site: Site, tmp_path: Path) ->
     scene = yaml.safe_load(run_bench_kit.SCENE)
     for ball in ("Mirror", "Glass", "Clay"):  # few triangles: the tracer tries each
         scene["prims"][ball]["subdivision"] = 1
+    # No probes nor shadow maps, which are thousands of rays.
+    effects = {"under_things": {}, "shadows": {"fallback": "none"}} | {
+        name: {"fallback": "environment"} for name in ("reflections", "refractions")
+    }
     config = run_bench_kit.write_config(
         tmp_path, metrics=["wrong_share", "error"], tracers=["one_by_one"], sizes=["32x18"],
         heuristics=["random", {"heuristic": "nearest", "options": {"power": 2.0}}],
-        scenes=[{"scene": "balls.yaml", "frames": "0:2", "effects": {"under_things": {}}}], warm_up=0,
+        scenes=[{"scene": "balls.yaml", "frames": "0:2", "effects": effects}], warm_up=0,
     )  # fmt: skip
     (tmp_path / "balls.yaml").write_text(yaml.safe_dump(scene))
     site.environment.phrt("bench", config, "-o", "run", "--cache", "cache", "--quiet", "--jobs", "1", folder=tmp_path)
@@ -187,13 +190,13 @@ def test_the_wheel_has_the_templates_and_nothing_else_of_them(user: venv_kit.Env
     assert Path(where) == home / "__init__.py"
 
 
-def test_who_has_only_the_wheel_gets_a_scene_and_renders_it(user: venv_kit.Environment, tmp_path: Path) -> None:
+def test_who_has_only_the_wheel_gets_a_scene(user: venv_kit.Environment, tmp_path: Path) -> None:
+    """It is not rendered here: kernels of an installation that is new take long to compile. scripts/trial_new_user.sh does."""
     said = user.phrt("new", "scene", "room", folder=tmp_path).stderr
     assert "phrt render room.yaml -o room.png" in said
     assert sorted(path.name for path in tmp_path.iterdir()) == ["room.yaml", "room_bench.yaml"]
-    user.phrt("render", "room.yaml", "-o", "room.png", *SIZE, folder=tmp_path)
-    with Image.open(tmp_path / "room.png") as picture:
-        assert np.asarray(picture).std() > 20
+    code = "import phrt; print(len(phrt.load_scene('room.yaml').objects))"
+    assert int(venv_kit.run(user.python, "-W", "error", "-c", code, folder=tmp_path).stdout) == 8
 
 
 def test_the_types_of_a_plugin_are_right_by_what_is_installed(user: venv_kit.Environment, tmp_path: Path) -> None:
@@ -204,15 +207,12 @@ def test_the_types_of_a_plugin_are_right_by_what_is_installed(user: venv_kit.Env
         user.phrt("new", kind, name, folder=tmp_path)
         package = tmp_path / f"phrt-{name.replace('_', '-')}"
         written += [package / f"phrt_{name}.py", package / "tests" / f"test_{name}.py"]
+    # An ignore that is not needed is an error: so these types are known, and not Any.
     (tmp_path / "public.py").write_text(
         "import phrt\n"
         "from phrt.interfaces.heuristic import Candidates\n"
-        "reveal_type(phrt.load_scene)\n"
-        "reveal_type(phrt.Renderer)\n"
-        "def area(work: Candidates) -> int:\n    return work.area\n"
+        "def area(work: Candidates) -> int:\n    return work.area  # type: ignore[return-value]\n"
+        "def scene() -> int:\n    return phrt.load_scene('scene.yaml')  # type: ignore[return-value]\n"
     )
     options = ("--strict", "--config-file=", "--no-incremental", "--python-executable", user.python)
-    venv_kit.run(user.python, "-m", "mypy", *options, *written, folder=tmp_path)
-    wrong = venv_kit.run(user.python, "-m", "mypy", *options, "public.py", folder=tmp_path, code=1).stdout
-    assert "Scene" in wrong
-    assert 'Incompatible return value type (got "ndarray' in wrong
+    venv_kit.run(user.python, "-m", "mypy", *options, *written, "public.py", folder=tmp_path)

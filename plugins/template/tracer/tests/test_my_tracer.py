@@ -16,4 +16,4 @@ def test_how_many_are_looked_at_together_changes_no_answer() -> None:
         tracer.build(few_triangles())
         found.append(tracer.closest_hit(rays).distance)
     assert np.isfinite(found[0]).any()
-    assert np.array_equal(*found)
+    assert np.array_equal(found[0], found[1])
