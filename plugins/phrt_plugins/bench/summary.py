@@ -25,10 +25,10 @@ from phrt.interfaces.metric import Column, Metric, RunFrames
 from phrt.output.files import complete_file
 from phrt.recording.arrow import import_arrow
 from phrt_plugins.bench.pictures import ALL_TRACE_ERROR
-from phrt_plugins.bench.plan import ALL_TRACE_NAME
 from phrt_plugins.bench.results import BenchRun, Cell, State, read_columns
-from phrt_plugins.bench.series import RUN_COLUMNS, Series, frame_series, frames_of, judged_series, stacked
-from phrt_plugins.bench.statistics import NOTHING, Interval, interval, intervals, ratio_interval, statistic_of
+from phrt_plugins.bench.series import RUN_COLUMNS, Series, frame_series, frames_of, judged_series
+from phrt_plugins.bench.shares import FRAME_COLUMNS, RELEVANCE_SHARE, SHARES, Share, contestant_shares, frame_rows
+from phrt_plugins.bench.statistics import NOTHING, Interval, interval, intervals, statistic_of
 
 SETTINGS = (
     "contest", "setup", "scene", "size", "tracer", "gbuffer", "clock", "budget", "budget_kind", "budget_amount",
@@ -36,44 +36,38 @@ SETTINGS = (
 )  # fmt: skip
 COLUMNS = (*SETTINGS, "metric", "unit", "better", "value", "low", "high", "frames")
 
-ORACLE_SHARE = Column(
-    "oracle_share", "share of the error that the oracle takes off at the same budget", "", "higher", scope="run"
-)
-PARTS_SHARE = Column("parts_share", "the same of the oracle that may trace items in part", "", "higher", scope="run")
-RELEVANCE_SHARE = Column(
-    "relevance_share", "share of the largest sum of relevance at the same budget", "", "higher", scope="run"
-)
-ORACLES = {ORACLE_SHARE: "error_oracle", PARTS_SHARE: "error_parts"}
-"""Which column of the oracle's table each is a share of."""
-ORACLE_ERROR = "display_error"
-"""The column of measures that the oracle's errors are in, where pictures are compared with all-trace; else it is ALL_TRACE_ERROR."""
-
-R_COLUMNS = ("frame", "relevance", "predicted_cost", "traced_pixels", "pixel_count")
-MOST_KNAPSACKS = 300
-"""Of a cell; of more judged frames, so many that are evenly spread are solved for `relevance_share`."""
-
 
 def summarise(folder: str | Path, *, strict: bool = False) -> Path:
-    """Write summary.parquet and summary.csv into the run `folder`, of what is there; each is replaced whole. The former's path.
+    """Write summary.parquet and summary.csv into the run `folder`, of what is there, and shares.parquet and shares.csv, the shares
+    of what was possible frame by frame; each is replaced whole. The first's path.
+
     strict: a metric that fails is a PluginFailure, and nothing is written.
 
     Raises OptionError where the run cannot be read, or nothing can be written.
     """
     arrow = import_arrow()
     run = BenchRun.read(folder)
-    rows = list(summary_rows(run, strict=strict))
+    shares = all_shares(run)
     path = run.folder / "summary.parquet"
+    write_both(path, list(summary_rows(run, strict=strict, shares=shares)), _schema())
+    numbers = dict.fromkeys((column.name for column in SHARES), arrow.float64()) | {"frame": arrow.int64()}
+    schema = arrow.schema([(name, numbers.get(name, arrow.string())) for name in FRAME_COLUMNS])
+    write_both(run.folder / "shares.parquet", list(frame_rows(run, shares)), schema)
+    return path
+
+
+def write_both(path: Path, rows: Sequence[Mapping[str, Any]], schema: Any) -> None:
+    """Write `rows` to `path` as Parquet, and as CSV beside it; a number that is not there is an empty field."""
+    arrow = import_arrow()
     with complete_file(path) as temporary:
-        arrow.parquet.write_table(arrow.Table.from_pylist(rows, _schema()), temporary)
+        arrow.parquet.write_table(arrow.Table.from_pylist(rows, schema), temporary)
     with (
         complete_file(path.with_suffix(".csv")) as temporary,
         open(temporary, "w", newline="", encoding="utf-8") as file,
     ):
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        # A number that is not there is an empty field.
-        writer.writerows(["" if row[name] != row[name] else row[name] for name in COLUMNS] for row in rows)
-    return path
+        writer.writerow(schema.names)
+        writer.writerows(["" if row[name] != row[name] else row[name] for name in schema.names] for row in rows)
 
 
 def _schema() -> Any:
@@ -93,16 +87,25 @@ def read_summary(folder: str | Path) -> list[dict[str, Any]]:
     return list(table.to_pylist())
 
 
-def summary_rows(run: BenchRun, *, strict: bool = False) -> Iterator[dict[str, Any]]:
-    """The rows, contestant by contestant. One without a whole block has values NaN of no frames."""
+def summary_rows(
+    run: BenchRun, *, strict: bool = False, shares: Mapping[Any, Sequence[Share]] | None = None
+) -> Iterator[dict[str, Any]]:
+    """The rows, contestant by contestant. One without a whole block has values NaN of no frames. shares: by group, where they are
+    known (`all_shares`)."""
     metrics = metrics_of(run)
     known = {column.name: column for metric in metrics for column in metric.columns} | said_columns(run)
     known[ALL_TRACE_ERROR.name] = ALL_TRACE_ERROR
     shot_columns = [known.get(name) or Column(name, name, "", "neither") for name in measured(run)]
-    for cells in run.groups().values():
+    shares = all_shares(run) if shares is None else shares
+    for group, cells in run.groups().items():
         about = settings_of(run, cells)
-        for column, found in group_values(run, cells, shot_columns, metrics, strict):
+        for column, found in group_values(run, cells, shares[group], shot_columns, metrics, strict):
             yield about | {"metric": column.name, "unit": column.unit, "better": column.better} | vars(found)
+
+
+def all_shares(run: BenchRun) -> dict[Any, list[Share]]:
+    """The shares of every contestant, by its group."""
+    return {group: contestant_shares(run, cells) for group, cells in run.groups().items()}
 
 
 def settings_of(run: BenchRun, cells: Sequence[Cell]) -> dict[str, Any]:
@@ -145,7 +148,12 @@ def clock_text(clock: Any) -> str:
 
 
 def group_values(
-    run: BenchRun, cells: Sequence[Cell], shot_columns: Sequence[Column], metrics: Sequence[Metric], strict: bool
+    run: BenchRun,
+    cells: Sequence[Cell],
+    shares: Sequence[Share],
+    shot_columns: Sequence[Column],
+    metrics: Sequence[Metric],
+    strict: bool,
 ) -> Iterator[tuple[Column, Interval]]:
     """Every column of a contestant with its value."""
     begun = [cell for cell in cells if cell.blocks]
@@ -154,10 +162,9 @@ def group_values(
         series = judged[column.name]
         yield column, interval(series.values, series.segments, column.statistic)
     yield from run_values(run, begun, metrics, strict)
-    if run.has_oracle(cells[0].setup):
-        for column, error in ORACLES.items():
-            yield column, oracle_share(run, begun, error)
-    yield RELEVANCE_SHARE, relevance_share(run, begun)
+    for column in SHARES if run.has_oracle(cells[0].setup) else (RELEVANCE_SHARE,):
+        found = [share.interval() for share in shares if share.column is column]
+        yield column, found[0] if found else NOTHING
 
 
 def run_values(
@@ -204,36 +211,6 @@ def is_of(series: Series, column: str, found: Mapping[int, Mapping[str, float]])
     return bool(ours) and np.allclose(ours, theirs, rtol=1e-6, atol=1e-9, equal_nan=True)
 
 
-def oracle_share(run: BenchRun, cells: Sequence[Cell], best: str = "error_oracle") -> Interval:
-    """(error of the floor - error of the contestant) / (error of the floor - error of the oracle): sums over the judged frames.
-    best: the column of the oracle's table that is its error."""
-    if not cells:
-        return NOTHING
-    above, below = oracle_series(run, cells, best)
-    return ratio_interval(above.values, below.values, above.segments)
-
-
-def oracle_series(run: BenchRun, cells: Sequence[Cell], error_best: str) -> tuple[Series, Series]:
-    """Error that a contestant and the oracle of its budget took off the floor's, judged frame by judged frame."""
-    cell = cells[0]
-    table = run.oracle(cell.setup, ["frame", "budget", "error_floor", error_best])
-    at = np.asarray(table.column("budget").to_pylist(), object) == cell.budget
-    frames = table.column("frame").to_numpy()[at]
-    floor, best = (table.column(name).to_numpy()[at] for name in ("error_floor", error_best))
-    order = np.argsort(frames)
-    known, floor, best = frames[order], floor[order], best[order]
-    column = ORACLE_ERROR if run.reference_name == ALL_TRACE_NAME else ALL_TRACE_ERROR.name
-    error = judged_series(run, cells, [column])[column]
-    frames, rows, _ = np.intersect1d(error.frames, known, assume_unique=True, return_indices=True)
-    places = np.searchsorted(known, frames)
-    took = floor[places, None] - error.values[rows]
-    possible = np.where(np.isnan(took), np.nan, (floor - best)[places, None])
-    return (
-        Series(frames, error.blocks[rows], took, error.repeats),
-        Series(frames, error.blocks[rows], possible, error.repeats),
-    )
-
-
 def metrics_of(run: BenchRun) -> list[Metric]:
     """The metrics that the run was judged with. One that is not to be had here is left out, with a PhrtWarning."""
     from phrt_plugins.metrics.measure import available_metrics, make_metric
@@ -266,30 +243,3 @@ def measured(run: BenchRun) -> list[str]:
         if cell.blocks:
             names |= dict.fromkeys(run.measures(cell).column_names)
     return [name for name in names if name not in ("block", "frame")]
-
-
-def relevance_share(run: BenchRun, cells: Sequence[Cell]) -> Interval:
-    """Sum of R that was chosen by the most that the frame's budget could buy, by predicted costs: sums over judged frames."""
-    from phrt_plugins.bench.oracle import relevance_share as of_frames
-
-    chosen, best = [], []
-    for cell in cells:
-        wanted = spread(run.measures(cell, ["frame"]).column("frame").to_numpy(), MOST_KNAPSACKS)
-        frames = run.frames(cell, ["frame", "budget"])
-        for block, candidates in run.candidate_blocks(cell, R_COLUMNS):
-            mine = frames.filter(import_arrow().compute.equal(frames.column("block"), block))
-            found = of_frames(candidates, mine, only=wanted)
-            blocks = np.full(len(found.frame), block)
-            chosen.append((cell.repeat, found.frame, blocks, found.sum_chosen))
-            best.append((cell.repeat, found.frame, blocks, found.sum_best))
-    if not chosen:
-        return NOTHING
-    above, below = stacked(chosen), stacked(best)
-    return ratio_interval(above.values, below.values, above.segments)
-
-
-def spread(numbers: np.ndarray, most: int) -> list[int]:
-    """At most `most` of `numbers`, evenly spread."""
-    if len(numbers) <= most:
-        return list(numbers.tolist())
-    return list(numbers[np.linspace(0, len(numbers) - 1, most).round().astype(np.int64)].tolist())

@@ -170,8 +170,8 @@ def shares(key: str, entries: Sequence[Entry], looks: Mapping[str, Look]) -> Plo
         key,
         "Share of the oracle",
         "1 is the exact knapsack: over every item's true benefit and cost for the error reduction, where 0 is raster only; over R "
-        "and predicted cost for the sum of R. With 95 % intervals. The oracle has no values of earlier frames: who keeps them can "
-        "pass it.",
+        "and predicted cost for the sum of R. With 95 % intervals. The oracle traces whole items and has no values of earlier "
+        "frames: who traces parts, or keeps values, can pass it.",
         "Dot plot of shares: " + "; ".join(_said(e, names) for e in entries[:40]) + ".",
         draw(key, (3.4 + 3.2 * len(names), height), paint),
         table_csv(columns, rows),

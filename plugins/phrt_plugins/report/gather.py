@@ -18,6 +18,7 @@ from phrt_plugins.report.drawing import Look, Plot
 from phrt_plugins.report.figures import error_against, shares
 from phrt_plugins.report.model import Entry
 from phrt_plugins.report.pictures import Frame
+from phrt_plugins.report.share_traces import share_traces
 from phrt_plugins.report.timelines import Item, StripMaker, most_important, time_lines
 from phrt_plugins.report.traces import Trace, axis_of, frame_times, trace_of
 from phrt_plugins.report.worst import Worst
@@ -104,6 +105,13 @@ def summary_figures(setup: Setup, entries: Sequence[Entry], main: str, better: s
         setup.errors += [plot] if plot else []
     plot = shares(f"oracle-{setup.key}", entries, looks)
     setup.oracle += [plot] if plot else []
+
+
+def share_figures(setup: Setup, rows: Sequence[Mapping[str, Any]], looks: Mapping[str, Look]) -> None:
+    """Shares of what was possible by frame; rows: of shares.parquet, of the setup's contest."""
+    for budget in setup.budgets:
+        mine = [row for row in rows if row["budget"] == budget]
+        setup.oracle += filter(None, [share_traces(f"shares-{slug(budget)}-{setup.key}", budget, mine, looks)])
 
 
 def frame_figures(run: BenchRun, setup: Setup, looks: Mapping[str, Look], advance: Advance) -> None:

@@ -9,8 +9,9 @@ from typing import Any
 
 from phrt.errors import OptionError
 from phrt_plugins.bench import leaderboard as ranks
-from phrt_plugins.bench.results import BenchRun
-from phrt_plugins.bench.summary import read_summary, summary_rows
+from phrt_plugins.bench.results import BenchRun, read_columns
+from phrt_plugins.bench.shares import frame_rows
+from phrt_plugins.bench.summary import all_shares, read_summary, summary_rows
 from phrt_plugins.report.boards import Board, Placed, board
 from phrt_plugins.report.drawing import Look
 from phrt_plugins.report.model import Entry, entries_of
@@ -78,11 +79,21 @@ def rank_run(run: BenchRun) -> Ranking:
 
 def summary_of(run: BenchRun) -> list[dict[str, Any]]:
     """The rows of the summary: those that were written, where nothing has changed since, else of what is there now."""
-    written = run.folder / "summary.parquet"
+    return read_summary(run.folder) if is_of_now(run, "summary.parquet") else list(summary_rows(run))
+
+
+def shares_of(run: BenchRun) -> list[dict[str, Any]]:
+    """The shares of what was possible, frame by frame: the rows of shares.parquet, or what they would be now."""
+    if is_of_now(run, "shares.parquet"):
+        return list(read_columns(run.folder / "shares.parquet").to_pylist())
+    return list(frame_rows(run, all_shares(run)))
+
+
+def is_of_now(run: BenchRun, name: str) -> bool:
+    """Was `name` of the folder written at the end of the run, and has nothing changed since?"""
+    written = run.folder / name
     newest = max((os.path.getmtime(cell.folder) for cell in run.cells if cell.folder.exists()), default=0.0)
-    if run.state == "finished" and written.exists() and written.stat().st_mtime >= newest:
-        return read_summary(run.folder)
-    return list(summary_rows(run))
+    return run.state == "finished" and written.exists() and written.stat().st_mtime >= newest
 
 
 def tables_of(run: BenchRun, form: str) -> str:

@@ -14,7 +14,7 @@ from phrt_plugins.report.gather import Setup
 from phrt_plugins.report.html import page_of, write_page
 from phrt_plugins.report.maps import magma_stops
 from phrt_plugins.report.pictures import Album, frames_of
-from phrt_plugins.report.ranking import Ranking, rank_run
+from phrt_plugins.report.ranking import Ranking, rank_run, shares_of
 from phrt_plugins.report.worst import worst_frames
 
 PARTS: tuple[tuple[str, str, str, str], ...] = (
@@ -72,13 +72,14 @@ def write_report(run: BenchRun, path: Path, progress: Progress | None = None) ->
     bar.step("ranking")
     ranking = rank_run(run)
     bar.advance()
-    setups = gather.setups_of(run)
+    setups, shares = gather.setups_of(run), shares_of(run)
     look = looks(dict.fromkeys(cell.label for cell in run.cells))
     for setup in setups:
         entries = ranking.entries(setup.id)
         setup.boards = ranking.boards(setup.id, setup.key, look, setup.budgets)
         bar.step(f"drawing {setup.name}")
         gather.summary_figures(setup, entries, ranking.main, ranking.better, look)
+        gather.share_figures(setup, [row for row in shares if row["contest"] == setup.id], look)
         gather.frame_figures(run, setup, look, bar.advance)
         bar.step("worst frames")
         setup.worst = worst_frames(run, setup.cells, ranking.main, ranking.better)

@@ -19,7 +19,7 @@ from phrt_plugins.bench import series as series_module
 from phrt_plugins.bench.results import BenchRun
 from phrt_plugins.bench.series import RunColumn, common, frame_series, frames_of, judged_series, segments_of
 from phrt_plugins.bench.statistics import paired_interval
-from phrt_plugins.bench.summary import COLUMNS, clock_text, read_summary, spread, summarise, summary_rows
+from phrt_plugins.bench.summary import COLUMNS, clock_text, read_summary, summarise, summary_rows
 
 SETUP = setup_id("court")
 Rows = Mapping[tuple[str, str, str], dict[str, Any]]
@@ -251,7 +251,5 @@ def test_a_missing_block_is_a_gap() -> None:
     assert len(segments_of(np.zeros(0, np.int64))) == 0
 
 
-def test_clocks_and_spreads() -> None:
+def test_clocks_are_named() -> None:
     assert [clock_text(clock) for clock in ("wall", None, {"rays": 100.0})] == ["wall", "wall", "100 ns a ray"]
-    assert spread(np.arange(5), 10) == [0, 1, 2, 3, 4]
-    assert spread(np.arange(101), 3) == [0, 50, 100]

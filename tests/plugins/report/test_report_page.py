@@ -79,6 +79,11 @@ def test_every_section_is_there(words: Words) -> None:
     assert [title for title in titles if headings.count(title) < 2] == []
 
 
+def test_shares_of_the_oracle_are_there_over_the_path_and_by_frame(words: Words) -> None:
+    assert "of the oracle's that traces parts" in words.text
+    assert "Shares by frame under 50ms" in words.texts
+
+
 def test_failures_are_named_first_and_explained_at_the_end(words: Words) -> None:
     assert f"2 of 6 cells failed: {HOSTILE} under" in words.text
     assert "ZeroDivisionError: division by zero" in words.text
