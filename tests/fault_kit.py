@@ -195,6 +195,7 @@ SOUND: dict[str, Any] = {
 
 ATTRIBUTES = {
     "name", "reads", "writes", "history", "switch", "capabilities", "few_are_cheap", "wants_change", "traces_everything", "columns",
+    "scores",
 }  # fmt: skip
 """Members that are looked at, not called."""
 
@@ -391,6 +392,7 @@ def heuristic_rows() -> Iterator[Row]:
         ("report", "raises", raises, rf"failed in report\(\): {LOST}"),
         ("end_frame", "raises", raises, rf"failed in end_frame\(\): {LOST}"),
         ("wants_change", "raises", raises, rf"failed in wants_change: {LOST}"),
+        ("scores", "raises", raises, rf"failed in scores: {LOST}"),
     ):
         yield Row("heuristic", member, what, fault, says, "frame", ASKED_NO_MORE, COUNTED)
     history = {"history": True, "budget": "none"}
@@ -400,7 +402,7 @@ def heuristic_rows() -> Iterator[Row]:
 
 def tracer_rows() -> Iterator[Row]:
     yield Row("tracer", "capabilities", "raises", raises, "RuntimeError")
-    yield Row("tracer", "capabilities", "are none", gives("fast"), "its `capabilities` are no TracerCapabilities")
+    yield Row("tracer", "capabilities", "are none", gives("fast"), "its `capabilities` are no TracerCapabilities but .fast")
     yield Row("tracer", "build", "raises", raises, rf"failed in build\(\): {LOST}")
     yield Row("tracer", "update", "raises", raises, rf"failed in update\(\): {LOST}", "frame", BUILT_ANEW)
     yield Row("tracer", "close", "raises", raises, rf"failed in close\(\): {LOST}", "close", LEFT_OPEN)
@@ -506,7 +508,7 @@ def loader_rows() -> Iterator[Row]:
 
 
 def metric_rows() -> Iterator[Row]:
-    yield Row("metric", "name", "cannot be set", raises, "has no setter")
+    yield Row("metric", "name", "cannot be set", raises, "cannot be named: the cable came off")
     yield Row("metric", "columns", "raises", raises, rf"failed in columns: {LOST}")
     yield Row("metric", "columns", "are none", gives(("flip",)), "its column 'flip' is no")
     yield Row(
@@ -557,7 +559,12 @@ def faulty(row: Row) -> Any:
 
         return row.fault(sound) if armed[0] else sound()
 
-    made: Any = type(base)("Faulty", (base,), {member: property(attribute) if member in ATTRIBUTES else method})
+    def rename(self: Any, value: Any) -> None:
+        if armed[0]:
+            row.fault(lambda: None)
+
+    failing = property(attribute, rename) if member in ATTRIBUTES else method
+    made: Any = type(base)("Faulty", (base,), {member: failing})
     return made
 
 

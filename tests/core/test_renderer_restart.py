@@ -218,7 +218,7 @@ def test_an_effect_that_was_switched_off_is_asked_again(monkeypatch: pytest.Monk
         shadows = next(effect for effect in made.effects if effect.name == "shadows")
         with monkeypatch.context() as patch:
             patch.setattr(shadows, "trace", None)
-            with pytest.warns(PhrtWarning, match="effect 'shadows' failed and is switched off"):
+            with pytest.warns(PhrtWarning, match="effect 'shadows' failed in trace"):
                 walk(made, 2)
         made.restart(heuristic="gain", budget="1500rays", clock=RayClock())
         assert_same(walk(made), new(heuristic="gain", budget="1500rays"))
@@ -262,7 +262,7 @@ def test_a_fallback_that_could_not_be_prepared_is_prepared_again(monkeypatch: py
         reflections = next(effect for effect in made.effects if effect.name == "reflections")
         with monkeypatch.context() as patch:
             patch.setattr(reflections, "prepare_fallback", None)
-            with pytest.warns(PhrtWarning, match="effect 'reflections' failed and is switched off"):
+            with pytest.warns(PhrtWarning, match="effect 'reflections' failed in prepare_fallback"):
                 walk(made, 2)
         made.restart(heuristic="raster_only", clock=RayClock())
         assert_same(walk(made), new(still, heuristic="raster_only"))

@@ -90,7 +90,7 @@ def check(registry: Registry, entry: RegisteredPlugin, tracer: str) -> Finding:
         note = probe_tracer(registry, entry) if entry.kind == "tracer" else probe_gbuffer(registry, entry, tracer)
     except InputError as error:
         return Finding(entry.kind, entry.name, False, str(error))
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         return Finding(entry.kind, entry.name, False, f"it failed its trial: {describe(error)}")
     return Finding(entry.kind, entry.name, True, note)
 

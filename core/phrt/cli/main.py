@@ -69,7 +69,7 @@ def command_of(entry: RegisteredPlugin, made: Any) -> Any:
             raise PluginError(f"{title} failed: {describe(error)}") from error
 
     if entry.origin != "built-in":
-        command.invoke = named  # type: ignore[method-assign]
+        command.invoke = named  # type: ignore[assignment, method-assign]
     return command
 
 

@@ -173,5 +173,6 @@ def manual_page(entry: RegisteredPlugin) -> str:
         if spec is None or spec.origin is None or not spec.origin.endswith(".py"):
             return ""
         return ast.get_docstring(ast.parse(Path(spec.origin).read_text(encoding="utf-8"))) or ""
-    except (ImportError, OSError, ValueError, SyntaxError):
+    except (Exception, SystemExit):
+        # To find a module its package is imported, and that may do anything.
         return ""

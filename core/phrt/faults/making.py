@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from phrt.faults.fault import Fault, PluginFailure
+from phrt.faults.fault import CAUGHT, Fault, PluginFailure
 from phrt.interfaces.effect import RayEffect
 from phrt.interfaces.gbuffer import GBufferProducer
 from phrt.interfaces.heuristic import Heuristic
@@ -37,21 +37,21 @@ def make(
     made = (registry or get_registry()).create(kind, name, options, **dependencies)
     entry = (registry or get_registry()).find(kind, name)
     expected = INTERFACES[kind]
-    problem = None
+    problem, capabilities = None, _attribute(made, "capabilities")
     if not isinstance(made, expected):
         problem = f"is broken: its factory makes {made!r:.80}, no {expected.__module__}.{expected.__name__}"
-    elif kind == "tracer" and not isinstance(getattr(made, "capabilities", None), TracerCapabilities):
-        problem = "is broken: its `capabilities` are no TracerCapabilities"
-    elif kind == "effect" and (own := _own_name(made)) != name:
+    elif kind == "tracer" and not isinstance(capabilities, TracerCapabilities):
+        problem = f"is broken: its `capabilities` are no TracerCapabilities but {capabilities!r:.80}"
+    elif kind == "effect" and (own := _attribute(made, "name")) != name:
         problem = f"is broken: it calls itself {own!r:.80}"
     if problem is not None:
         raise PluginFailure(Fault(kind, name, entry.source, problem))
     return made
 
 
-def _own_name(effect: object) -> object:
-    """What an effect calls itself; how that failed."""
+def _attribute(made: object, name: str) -> object:
+    """An attribute of what was made; how that failed."""
     try:
-        return getattr(effect, "name", None)
-    except Exception as error:
+        return getattr(made, name, None)
+    except CAUGHT as error:
         return error

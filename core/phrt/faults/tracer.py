@@ -10,7 +10,7 @@ import numpy as np
 from phrt.camera import CameraView
 from phrt.errors import PhrtError
 from phrt.faults.checks import check_array
-from phrt.faults.fault import CAUGHT, Nonsense, PluginFailure, failure
+from phrt.faults.fault import CAUGHT, Nonsense, failure
 from phrt.faults.faults import Faults
 from phrt.interfaces.tracer import Tracer
 from phrt.kernels.checks import all_finite, impossible_hits
@@ -24,8 +24,8 @@ class GuardedTracer(Tracer):
     """Passes rays on to `tracer`, which is built for `world`, and raises a PluginFailure that names it where it raises, or answers
     what cannot be.
 
-    faults: of a run, which loses the tracer by the first failure; from then on every question is answered by it. None: whoever asks
-    does not go on without an answer, and says so itself.
+    faults: of a run, which loses the tracer by the first failure: no effect is traced any more, but fallbacks that rest on rays may
+    go on asking. None: whoever asks cannot go on without an answer, and says so itself.
     """
 
     def __init__(self, tracer: Tracer, world: World, faults: Faults | None = None) -> None:
@@ -75,8 +75,6 @@ class GuardedTracer(Tracer):
         return checked
 
     def _ask(self, call: str, question: Callable[[], R]) -> R:
-        if self._faults is not None and (lost := self._faults.tracer_failure) is not None:
-            raise PluginFailure(lost.fault) from lost.__cause__
         try:
             return question()
         except MemoryError:

@@ -63,5 +63,5 @@ def gbuffer_device(plugin: object) -> Device | str | None:
         return None
     try:
         return plugin.device()
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         return describe(error)

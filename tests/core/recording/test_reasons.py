@@ -11,6 +11,7 @@ import pytest
 from recording_kit import decided, record, renderer_of, row_of, three_things
 
 from phrt.errors import OptionError, PhrtWarning
+from phrt.faults import Fault
 from phrt.frame import REASONS, FrameResult
 from phrt.interfaces.heuristic import Heuristic
 from phrt.recording import Recorder, Run, read_run
@@ -120,15 +121,15 @@ def test_no_time(tmp_path: Path, frame: FrameResult) -> None:
 
 def test_effect_off_tells_the_error(tmp_path: Path, frame: FrameResult) -> None:
     made = decided(frame, {row_of(frame, FLOOR, "shadows"): {"reason": "effect_off"}}, **MS)
-    warned = (
-        "effect 'shadows' failed and is switched off, its pixels take the fallback: RuntimeError: the cable came off"
+    fault = Fault(
+        "effect", "shadows", "built-in", "failed in trace(): RuntimeError: the cable came off", "it is off", 40
     )
     with renderer_of(heuristic=Chooser()) as renderer, Recorder(tmp_path / "run", renderer) as recorder:
-        recorder._warned.append(warned)
+        renderer.run.faults.log.append(fault)
         recorder.add(made)
     (found,) = explain_object(read_run(tmp_path / "run"), 42, FLOOR, "shadows")
     assert found.sentence == (
-        f"shadows of {FLOOR} were not traced in frame 42: the effect was switched off after an error ({warned})."
+        f"shadows of {FLOOR} were not traced in frame 42: the effect was switched off after an error in frame 40 ({fault})."
     )
 
 
