@@ -20,3 +20,8 @@ class MitsubaOptions(Options):
         default=False,
         description="Watertight intersection (llvm only): no ray slips between two triangles that share an edge; slower.",
     )
+    threads: int = Field(
+        default=0,
+        ge=0,
+        description="Threads of a query (llvm only); 0 leaves Dr.Jit's own, one for every core. One number for the process.",
+    )

@@ -55,6 +55,8 @@ class MitsubaTracer(Tracer):
 
         self._dr: Any = drjit
         self._mi: Any = getattr(package, variant)
+        if options.threads:
+            drjit.set_thread_count(options.threads)
         self.capabilities = TracerCapabilities(
             description(package.__version__, variant, drjit), path_tracer=f"Mitsuba {package.__version__}, {variant}"
         )
@@ -166,7 +168,8 @@ def description(version: str, variant: str, drjit: Any) -> str:
     if not variant.startswith("llvm"):
         return f"Mitsuba {version}, {variant} with OptiX"
     llvm = ".".join(str(part) for part in drjit.detail.llvm_version())
-    return f"Mitsuba {version}, {variant} with LLVM {llvm}, {drjit.thread_count()} threads"
+    threads = drjit.thread_count()
+    return f"Mitsuba {version}, {variant} with LLVM {llvm}, {threads} thread{'s' if threads > 1 else ''}"
 
 
 def flat(array: np.ndarray) -> np.ndarray:

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import needs
 import numpy as np
-import phrt
 import pytest
+
+import phrt
 from phrt.output.tonemap import to_8bit
 from phrt_mitsuba.availability import unavailable_reason
 
@@ -31,5 +32,5 @@ def test_a_picture_by_mitsuba_is_that_by_embree(time: float) -> None:
     found, wanted = picture(scene, "mitsuba", time), picture(scene, "embree", time)
     assert wanted.std() > 20, "there is nothing to see"
     different = (np.abs(found - wanted) > 2).any(axis=2)
-    assert different.mean() < 0.005
-    assert np.abs(found - wanted).mean() < 0.05
+    assert different.mean() <= 0.001
+    assert np.abs(found - wanted).mean() < 0.01

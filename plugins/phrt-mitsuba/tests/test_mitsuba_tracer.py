@@ -195,3 +195,18 @@ def test_it_says_what_runs(tracer: Tracer) -> None:
     said = tracer.capabilities.description
     assert said.startswith(f"Mitsuba {mitsuba.__version__}, ")
     assert "_ad_rgb with " in said
+
+
+def test_the_number_of_threads_is_the_one_asked_for() -> None:
+    import drjit
+
+    before = drjit.thread_count()
+    try:
+        tracer: Tracer = get_registry().create("tracer", "mitsuba", {"device": "llvm", "threads": 1})
+        assert tracer.capabilities.description.endswith(", 1 thread")
+        tracer.build(few_triangles())
+        assert tracer.occluded(rays_between([-2] * 3, [2] * 3, 20_000, 1)).any()
+        tracer.close()
+    finally:
+        drjit.set_thread_count(before)
+    assert drjit.thread_count() == before
