@@ -6,30 +6,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from contest import Contest, Entrant, Rules
+from fallbacks import BEST, PAPER
 from rich.table import Table
 from rows import Row, row
 
 from phrt.budget import Budget
-
-PAPER: Mapping[str, Mapping[str, object]] = {
-    "shadows": {"fallback": "none"},
-    "reflections": {"fallback": "environment"},
-    "refractions": {"fallback": "environment"},
-}
-"""What untraced pixels get in the paper: no shadow, the environment."""
-
-BEST: Mapping[str, Mapping[str, object]] = {
-    "shadows": {"fallback": "shadow_map"},
-    "reflections": {"fallback": "probe"},
-    "refractions": {"fallback": "probe"},
-}
-"""The fallbacks that come nearest to all-trace, measured on this scene; before them comes history."""
 
 RULES: dict[int, tuple[Rules, ...]] = {
     6: (Rules("row 6: half the rays", "hard", None, PAPER, history=False),),

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from fallbacks import PLAIN
 from rows import Row, row
 
 from phrt import Renderer, Scene
@@ -199,7 +200,13 @@ def renderers(
         for gbuffer in gbuffers:
             for heuristic in ("all_trace", "raster_only"):
                 made[gbuffer, heuristic] = Renderer(
-                    scene, size=size, threads=threads, gbuffer=gbuffer, tracer="embree", heuristic=heuristic
+                    scene,
+                    size=size,
+                    threads=threads,
+                    gbuffer=gbuffer,
+                    tracer="embree",
+                    heuristic=heuristic,
+                    effects=PLAIN,
                 )
         yield made
     finally:

@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from fallbacks import PLAIN
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
@@ -185,6 +186,7 @@ def run_laps(
     with Renderer(
         scene, size=size, threads=threads, gbuffer="raycast", tracer="embree", heuristic=heuristic,
         heuristic_options=options, budget=budget, clock=RayClock(NANOSECONDS_PER_RAY), group_by=GROUP_BY,
+        effects=PLAIN,
     ) as renderer:  # fmt: skip
         runner = Runner(renderer)
         for number in range(-(-frames // len(times))):

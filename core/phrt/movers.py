@@ -26,6 +26,15 @@ class BoundingSpheres:
         stretch = float(np.linalg.norm(matrix[:3, :3], ord=2))
         return np.array([*(matrix[:3, :3] @ centre + matrix[:3, 3]), radius * stretch if radius >= 0 else -1.0])
 
+    def of_all(self, objects: np.ndarray, matrices: np.ndarray) -> np.ndarray:
+        """(n, 4) float64: `of` for every one of `objects` (n,) that stand at matrices[object] (N + 1, 4, 4)."""
+        local = [self._measured(object_id) for object_id in objects.tolist()]
+        centre = np.array([own for own, _ in local]).reshape(-1, 3)
+        radius, placed = np.array([own for _, own in local]), matrices[objects, :3]
+        stretch = np.linalg.norm(placed[:, :, :3], ord=2, axis=(1, 2))
+        world = np.einsum("nij,nj->ni", placed[:, :, :3], centre) + placed[:, :, 3]
+        return np.column_stack([world, np.where(radius >= 0, radius * stretch, -1.0)])
+
     def _measured(self, object_id: int) -> tuple[np.ndarray, float]:
         if object_id not in self._local:
             first, count = self._world.first_vertex[object_id], self._world.vertex_count[object_id]

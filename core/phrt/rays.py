@@ -17,6 +17,7 @@ class RayBatch:
     coherent  : a hint: neighbours in the batch start together and point the same way (primary, mirror, shadow in tiles)
     opaque_only: a hint: whoever asks for closest hits passes objects that are not `World.object_opaque`; a tracer may
                  leave them out at once
+    casters_only: a hint: the same for objects that cast no shadow
     """
 
     origin: np.ndarray
@@ -24,6 +25,7 @@ class RayBatch:
     t_max: np.ndarray
     coherent: bool = False
     opaque_only: bool = False
+    casters_only: bool = False
 
     def __len__(self) -> int:
         return len(self.origin)

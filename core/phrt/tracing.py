@@ -27,7 +27,7 @@ def nearest(frame: Frame, rays: RayBatch) -> HitBatch:
     """Closest hits, holes of alpha-masked surfaces passed."""
     hits = frame.tracer.closest_hit(rays)
     if frame.world.has_cutouts:
-        _pass_holes(frame, rays, hits, shadow=False)
+        pass_holes(frame, rays, hits, shadow=False)
     return hits
 
 
@@ -36,12 +36,12 @@ def blocked(frame: Frame, rays: RayBatch) -> np.ndarray:
     if not frame.world.has_cutouts:
         return frame.tracer.occluded(rays)
     hits = frame.tracer.closest_hit(rays)
-    _pass_holes(frame, rays, hits, shadow=True)
+    pass_holes(frame, rays, hits, shadow=True)
     return hits.primitive != NO_PRIMITIVE
 
 
-def _pass_holes(frame: Frame, rays: RayBatch, hits: HitBatch, *, shadow: bool) -> None:
-    """Trace on behind hits on holes, in place, until none is left."""
+def pass_holes(frame: Frame, rays: RayBatch, hits: HitBatch, *, shadow: bool) -> None:
+    """Trace on behind `hits` on holes, in place, until none is left; those of shadow rays also behind what casts none."""
     active = np.arange(len(rays), dtype=np.int32)
     casts = frame.world.object_casts_shadow
     for _ in range(MAX_LAYERS):

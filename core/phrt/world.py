@@ -49,6 +49,7 @@ class World:
       local_positions (V, 3) float32: object space, what `object_matrix` moves.
     has_cutouts: does any surface have holes that rays must pass through (alpha mask or blend)?
     materials: MATERIAL_DTYPE (M + 1,); textures: TextureAtlas; lights: LIGHT_DTYPE (L,); environment: Environment.
+    kept: what effects keep of this world together, under names of their own; it should not refer back to the world.
     """
 
     def __init__(self, scene: Scene, time: float = 0.0) -> None:
@@ -82,6 +83,7 @@ class World:
         self.lights = light_table(scene.lights, self.node_matrix)
         self.environment = Environment.from_dome(scene.dome)
         self.has_cutouts = self._has_cutouts()
+        self.kept: dict[object, object] = {}
 
     @property
     def object_matrix(self) -> np.ndarray:

@@ -179,6 +179,16 @@ def test_rays_for_opaque_objects_alone_may_leave_out_the_others_and_never_an_opa
         assert (near, far) == (NO_PRIMITIVE, 1)
 
 
+def test_rays_for_shadow_casters_alone_may_leave_out_the_others_and_never_a_caster(tracer: Tracer) -> None:
+    tracer.build(TracerWorld([unit_triangle(z) for z in (-1.0, -3.0, -5.0)], casts=[False, True, True]))
+    rays = replace(rays_of(np.tile([0.2, 0.2, 0.0], (2, 1)), [0, 0, -1], [2.0, 9.0]), casters_only=True)
+    near, far = tracer.closest_hit(rays).primitive.tolist()
+    assert near in (0, NO_PRIMITIVE)
+    assert far in (0, 1)
+    if "packets" in tracer.capabilities.description:
+        assert (near, far) == (NO_PRIMITIVE, 1)
+
+
 def test_broken_triangles_are_missed_and_hide_nothing(tracer: Tracer) -> None:
     vertices, triangles = unit_triangle()
     broken = vertices.copy()

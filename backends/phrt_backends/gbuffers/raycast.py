@@ -64,6 +64,8 @@ class _Eye:
 class RaycastProducer(GBufferProducer):
     """Eye rays in tile order, chunk by chunk: rays, hits, surface. Holes and culled faces are traced again behind."""
 
+    few_are_cheap = True
+
     def __init__(self, options: RaycastOptions, *, tracer: Tracer, workers: Workers | None = None) -> None:
         self._options = options
         self._tracer = tracer

@@ -35,8 +35,8 @@ _occluded16 = types.ExternalFunction("phrt_rtcOccluded16", _SIGNATURE)
 SEEN = np.uint32(1)
 CASTS_SHADOW = np.uint32(2)
 OPAQUE = np.uint32(4)
-"""Bits of geometry masks: closest-hit rays ask for SEEN, or OPAQUE where that is all they want, occlusion rays for
-CASTS_SHADOW."""
+"""Bits of geometry masks: closest-hit rays ask for SEEN, or OPAQUE or CASTS_SHADOW where that is all they want, occlusion rays
+for CASTS_SHADOW."""
 
 # Embree counts a hit at exactly t_far, the Tracer contract does not: t_far is one step below t_max.
 _JUST_BELOW = np.float32(1.0 - 2.0**-23)
@@ -99,7 +99,7 @@ def closest_hit_packets(
     """Nearest hits of n rays.
 
     scene, arguments : addresses of a committed RTCScene and of QueryArguments
-    mask : SEEN or OPAQUE
+    mask : SEEN, OPAQUE or CASTS_SHADOW
     first_triangle : (objects + 1,) int32; a hit's triangle is first_triangle[geometry id] + primitive id
     origin, direction (n, 3), t_max (n,) float32 -> distance (n,) float32, primitive (n,) uint32, barycentric (n, 2)
     """

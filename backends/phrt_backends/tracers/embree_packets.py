@@ -83,6 +83,8 @@ class EmbreePackets(Tracer):
         barycentric = np.empty((count, 2), np.float32)
         arguments = ctypes.addressof(self._arguments[rays.coherent])
         mask = kernels.OPAQUE if rays.opaque_only else kernels.SEEN
+        if rays.casters_only:
+            mask = kernels.CASTS_SHADOW
         kernels.closest_hit_packets(
             self._committed_root(),
             arguments,

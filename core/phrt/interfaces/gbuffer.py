@@ -22,6 +22,9 @@ POINT_CHANNELS = tuple(name for name in CHANNELS if name != "motion")
 class GBufferProducer(ABC):
     """Contract: `build` once, `update` between frames, `render` any number of times for any camera and size."""
 
+    few_are_cheap: bool = False
+    """Do few pixels of a view take less than all of them? A rasterizer draws every triangle for one pixel, too."""
+
     @abstractmethod
     def build(self, world: World) -> None:
         """Take over geometry, materials and textures."""

@@ -35,48 +35,84 @@ def scatter(pixels, values, traced, code, layer, mask):
             mask[row] = code
 
 
-@kernel
-def fill_gaps(pixels, object_id, mask, width, height, traced_code, history_code, filled_code, layer):
-    """Pixels of partly traced items take the mean of the nearest pixels of their object that hold a value, in growing rings up
-    to 2.
+KEPT, FILLED, MISSING, LONELY = 0, 1, 2, 3
+"""What `fill_gaps` made of a pixel: it holds a value; its gap is filled; there is none to fill it with; its value, of an earlier
+frame, is one of too few."""
+ENOUGH = 8
+"""Values around a pixel stand for it where there is one to so many pixels of its object: half of a pass."""
+PLENTY = 3
+"""Values next to a pixel that are enough without counting further: at a quarter of the pixels, half of the gaps have four."""
 
-    pixels (n,) are the item's; those whose mask is neither `traced_code` nor `history_code` and that find a neighbour whose is get
-    `filled_code`. Returns how many found none. A partial item is a coarser effect, not stripes.
+
+@kernel
+def fill_gaps(pixels, object_id, mask, width, height, traced_code, history_code, doubt, layer, found):
+    """Gaps of items that hold values at some pixels take the mean of the nearest ones of their object, within two pixels.
+
+    pixels (n,) are the items'; found (n,) uint8 gets KEPT, FILLED, MISSING or LONELY. A pixel holds a value where its mask is
+    `traced_code` or `history_code`. The mask itself is not changed, so that threads do not see each other's work. doubt: may
+    earlier values be LONELY? Looking takes time. Returns how many are MISSING or LONELY.
+
+    A partial item is a coarser effect, not stripes, and not dots: where values are few, they are left of an earlier frame, and
+    blocks of them beside what stands in elsewhere would be seen before anything that they show.
     """
-    missing = 0
+    left = 0
     components = layer.shape[1]
     for i in range(len(pixels)):
         row = pixels[i]
-        if mask[row] == traced_code or mask[row] == history_code:
+        own, code = object_id[row], mask[row]
+        if code == traced_code or (code == history_code and not doubt):
+            found[i] = KEPT
             continue
         x, y = row % width, row // width
-        found = 0
-        for ring in range(1, 3):
-            for dy in range(-ring, ring + 1):
-                for dx in range(-ring, ring + 1):
-                    if max(abs(dx), abs(dy)) != ring:
-                        continue
-                    nx, ny = x + dx, y + dy
-                    if nx < 0 or ny < 0 or nx >= width or ny >= height:
-                        continue
-                    other = ny * width + nx
-                    holds = mask[other] == traced_code or mask[other] == history_code
-                    if holds and object_id[other] == object_id[row]:
-                        for k in range(components):
-                            if found == 0:
-                                layer[row, k] = layer[other, k]
-                            else:
-                                layer[row, k] += layer[other, k]
-                        found += 1
-            if found:
+        inside = x > 1 and y > 1 and x < width - 2 and y < height - 2
+        # Values next to it, and whether they are enough already.
+        near = 0
+        for dy in range(-1, 2):
+            if code == history_code and near >= PLENTY:
                 break
-        if found:
-            for k in range(components):
-                layer[row, k] /= f32(found)
-            mask[row] = filled_code
-        else:
-            missing += 1
-    return missing
+            for dx in range(-1, 2):
+                if not inside and (x + dx < 0 or y + dy < 0 or x + dx >= width or y + dy >= height):
+                    continue
+                other = row + dy * width + dx
+                holds = mask[other] == traced_code or mask[other] == history_code
+                if holds and other != row and object_id[other] == own:
+                    near += 1
+        holders = near
+        if near < PLENTY:
+            # A ring further out, against how many pixels there are to stand for.
+            holders, same = 0, 0
+            for dy in range(-2, 3):
+                for dx in range(-2, 3):
+                    if not inside and (x + dx < 0 or y + dy < 0 or x + dx >= width or y + dy >= height):
+                        continue
+                    other = row + dy * width + dx
+                    if object_id[other] == own:
+                        same += 1
+                        holders += mask[other] == traced_code or mask[other] == history_code
+            if holders * ENOUGH < same:
+                found[i] = LONELY if code == history_code else MISSING
+                left += 1
+                continue
+        if code == history_code:
+            found[i] = KEPT
+            continue
+        reach, number = (1, near) if near else (2, holders)
+        for k in range(components):
+            layer[row, k] = f32(0.0)
+        for dy in range(-reach, reach + 1):
+            for dx in range(-reach, reach + 1):
+                if not inside and (x + dx < 0 or y + dy < 0 or x + dx >= width or y + dy >= height):
+                    continue
+                other = row + dy * width + dx
+                holds = mask[other] == traced_code or mask[other] == history_code
+                if holds and object_id[other] == own:
+                    for k in range(components):
+                        layer[row, k] += layer[other, k]
+        scale = f32(1.0) / f32(number)
+        for k in range(components):
+            layer[row, k] *= scale
+        found[i] = FILLED
+    return left
 
 
 @kernel

@@ -15,7 +15,7 @@ def continued(rays: RayBatch, distance: np.ndarray, index: np.ndarray) -> tuple[
     """Rays `index` (k,) of `rays` from just behind their hits at `distance` (n,) on, and how far (k,) they were moved."""
     count = len(index)
     origin, direction, t_max = np.empty((count, 3), f32), np.empty((count, 3), f32), np.empty(count, f32)
-    onward = RayBatch(origin, direction, t_max, rays.coherent, rays.opaque_only)
+    onward = RayBatch(origin, direction, t_max, rays.coherent, rays.opaque_only, rays.casters_only)
     step = np.empty(count, f32)
     onward_rays(
         index, rays.origin, rays.direction, rays.t_max, distance, onward.origin, onward.direction, onward.t_max, step

@@ -48,11 +48,13 @@ def cube_radiance(cube, x, y, z):
 
 
 @kernel
-def probe_lookup(rows, surfaces, view, view_is_point, straight, cubes, centres, probe_of, box_low, box_high, out):
-    """out (n, 3): radiance from the probe of each point's object, in the mirror direction or straight on.
+def probe_lookup(rows, surfaces, materials, view, view_is_point, through, cubes, centres, probe_of, radius, box_low, box_high,
+                 out):  # fmt: skip
+    """out (n, 3): radiance from the probe of each point's object, in the mirror direction, or `through` its body.
 
     cubes (K, 6, S, S, 3); centres (K, 3); probe_of (N + 1,) int32; the direction is corrected for parallax by the box
-    box_low, box_high (3,) (Lagarde and Zanuttini 2012).
+    box_low, box_high (3,) (Lagarde and Zanuttini 2012). Bodies are taken for balls of radius (N + 1,) metres: a ball's normal where
+    light leaves it follows from where and how it came in, so both refractions are exact (as is Beer-Lambert's absorption between).
     """
     for i in range(len(rows)):
         row = rows[i]
@@ -64,10 +66,30 @@ def probe_lookup(rows, surfaces, view, view_is_point, straight, cubes, centres, 
             dx, dy, dz = dx * scale, dy * scale, dz * scale
         else:
             dx, dy, dz = view[i, 0], view[i, 1], view[i, 2]
-        if not straight:
-            nx, ny, nz = surfaces.normal[row, 0], surfaces.normal[row, 1], surfaces.normal[row, 2]
-            twice = f32(2.0) * (dx * nx + dy * ny + dz * nz)
-            dx, dy, dz = dx - twice * nx, dy - twice * ny, dz - twice * nz
+        nx, ny, nz = surfaces.normal[row, 0], surfaces.normal[row, 1], surfaces.normal[row, 2]
+        cosine = -(dx * nx + dy * ny + dz * nz)
+        left_r, left_g, left_b = f32(1.0), f32(1.0), f32(1.0)
+        if not through:
+            twice = f32(2.0) * cosine
+            dx, dy, dz = dx + twice * nx, dy + twice * ny, dz + twice * nz
+        elif cosine > f32(0.0):
+            material = materials[surfaces.material_id[row]]
+            ior = material.ior
+            sine2 = (f32(1.0) - cosine * cosine) / (ior * ior)
+            if sine2 < f32(1.0):
+                inside = math.sqrt(f32(1.0) - sine2)
+                bend = cosine / ior - inside
+                tx, ty, tz = dx / ior + bend * nx, dy / ior + bend * ny, dz / ior + bend * nz
+                # The normal at the other end of the chord, and out again.
+                twice = f32(2.0) * inside
+                ex, ey, ez = nx + twice * tx, ny + twice * ty, nz + twice * tz
+                bend = ior * inside - cosine
+                dx, dy, dz = ior * tx - bend * ex, ior * ty - bend * ey, ior * tz - bend * ez
+                chord = twice * radius[surfaces.object_id[row]]
+                px, py, pz = px + tx * chord, py + ty * chord, pz + tz * chord
+                left_r = math.exp(-material.absorb_r * chord)
+                left_g = math.exp(-material.absorb_g * chord)
+                left_b = math.exp(-material.absorb_b * chord)
         # Where the ray leaves the box decides what the probe is asked for.
         reach = f32(1e30)
         for axis in range(3):
@@ -81,11 +103,16 @@ def probe_lookup(rows, surfaces, view, view_is_point, straight, cubes, centres, 
         y = py + dy * reach - centres[k, 1]
         z = pz + dz * reach - centres[k, 2]
         r, g, b = cube_radiance(cubes[k], x, y, z)
-        out[i, 0], out[i, 1], out[i, 2] = r, g, b
+        out[i, 0], out[i, 1], out[i, 2] = r * left_r, g * left_g, b * left_b
 
 
 BLOCK = 64
 """Points that are looked up together."""
+TILE_BITS = 5
+TILE = 1 << TILE_BITS
+"""Texels along one side of a tile of a shadow map."""
+FRESH = 1
+"""State of a tile that holds what its light sees now."""
 
 
 @inlined
@@ -97,12 +124,14 @@ def texel_place(coordinate, size):
 
 
 @kernel
-def shadow_map_lookup(rows, surfaces, direct, lights, maps, frames, visibility):
+def shadow_map_lookup(rows, surfaces, direct, lights, maps, frames, state, wanted, visibility):
     """visibility (n, L) from shadow maps (Williams 1978), percentage-closer filtered over the four nearest texels (Reeves et al.
     1987); 1 where direct (n, L, 3), the light that would arrive at surface points `rows`, is black.
 
     maps (L, 6, S, S) float32: depth along each face's axis, metres; directional lights use face 0 with frames (L, 4, 4)
     float32, map from world: x, y in -1..1 (right, up), z the depth. The receiver is moved along its normal by a texel.
+    state, wanted (L, 6 * B * B) uint8, by tile of TILE x TILE texels, B a row: wanted is set to 1 where a point is looked up in a
+    tile whose state is not FRESH. Returns how many look-ups that were; what they gave is worth as much as the tile.
     Blocks of BLOCK points: where they fall in a map is found without branches, so that the compiler makes vector instructions of
     it, and only then the map is read.
     """
@@ -110,8 +139,12 @@ def shadow_map_lookup(rows, surfaces, direct, lights, maps, frames, visibility):
     area = np.int32(size * size)
     at_position, at_normal = surfaces.position, surfaces.geometric_normal
     flat = maps.reshape(len(maps), 6 * maps.shape[2] * maps.shape[3])
+    bits = np.int32(TILE_BITS)
+    tiles = (size + np.int32(TILE - 1)) >> bits
+    unfound = 0
     at = np.empty((6, BLOCK), np.float32)
     place, across, down = np.empty(BLOCK, np.int32), np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
+    tile = np.empty(BLOCK, np.int32)
     reference = np.empty(BLOCK, np.float32)
     for block in range(0, len(rows), BLOCK):
         count = min(BLOCK, len(rows) - block)
@@ -137,6 +170,7 @@ def shadow_map_lookup(rows, surfaces, direct, lights, maps, frames, visibility):
                     column, across[i] = texel_place(u, size)
                     line, down[i] = texel_place(-v, size)
                     place[i] = line * size + column
+                    tile[i] = (line >> bits) * tiles + (column >> bits)
                     reference[i] = f32(-np.inf) if outside else depth - texel * f32(0.5)
             else:
                 lx, ly, lz = light.position[0], light.position[1], light.position[2]
@@ -150,12 +184,17 @@ def shadow_map_lookup(rows, surfaces, direct, lights, maps, frames, visibility):
                     column, across[i] = texel_place(u, size)
                     line, down[i] = texel_place(v, size)
                     place[i] = face * area + line * size + column
+                    tile[i] = (face * tiles + (line >> bits)) * tiles + (column >> bits)
                     reference[i] = depth - texel * f32(0.5)
             for i in range(count):
                 row = np.uint32(rows[block + i])
                 lit = direct[row, k, 0] + direct[row, k, 1] + direct[row, k, 2]
                 share = f32(1.0)
                 if lit > f32(0.0):
+                    own = np.uint32(tile[i])
+                    if state[k, own] != FRESH:
+                        wanted[k, own] = 1
+                        unfound += 1
                     first, nearest = np.uint32(place[i]), reference[i]
                     below = first + np.uint32(size)
                     a = f32(1.0) if flat[k, first] >= nearest else f32(0.0)
@@ -165,3 +204,19 @@ def shadow_map_lookup(rows, surfaces, direct, lights, maps, frames, visibility):
                     upper, lower = a + (b - a) * across[i], c + (d - c) * across[i]
                     share = upper + (lower - upper) * down[i]
                 visibility[block + i, k] = share
+    return unfound
+
+
+@kernel
+def age_tiles(places, across, now, fresh, stale, state, since):
+    """Tiles of one light that are `fresh` become `stale`, since (6 * across * across,) int64 = `now`.
+
+    places (k, 5) int64: face, first and last row, first and last column of rectangles of tiles.
+    """
+    for i in range(len(places)):
+        for row in range(places[i, 1], places[i, 2] + 1):
+            for column in range(places[i, 3], places[i, 4] + 1):
+                tile = (places[i, 0] * across + row) * across + column
+                if state[tile] == fresh:
+                    state[tile] = stale
+                    since[tile] = now

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 
 from phrt.lights import DIRECTIONAL, RECT, SPOT
@@ -18,7 +20,15 @@ def light_shares(world: World) -> np.ndarray:
 
     Where a scene has many lamps that each light only what is near, far fewer than all are asked for at a point; an expectation
     of all of them would be so high that rules that take what fits would never begin.
+
+    Of a world it is found once, so that every run in it begins with the same expectation, wherever things have moved to.
     """
+    if "light shares" not in world.kept:
+        world.kept["light shares"] = _shares(world)
+    return cast(np.ndarray, world.kept["light shares"])
+
+
+def _shares(world: World) -> np.ndarray:
     step = max(-(-len(world.positions) // MOST_POINTS), 1)
     points, normals = world.positions[::step].astype(np.float64), world.normals[::step].astype(np.float64)
     if not len(points):

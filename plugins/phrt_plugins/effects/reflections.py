@@ -1,8 +1,8 @@
 """reflections: what a mirror or a glossy surface shows.
 
 Mirrors take one ray a pixel, glossy surfaces up to `roughness_cutoff` take `samples` GGX-distributed ones; hits are shaded
-with shadows and reflect and refract again up to `max_depth`. Fallbacks: `environment` (the dome), `probe` (a cube map
-captured at the object, parallax-corrected), `none`.
+with shadows and reflect and refract again up to `max_depth`. Fallbacks: `probe` (a cube map captured at the object,
+parallax-corrected), `environment` (the dome), `none`.
 Source: Whitted 1980; Heitz 2018 (visible normals); Lagarde and Zanuttini 2012 (parallax-corrected cube maps).
 Example: `phrt render scenes/spheres.yaml -o out.png --effect reflections.max_depth=5`
 """
@@ -17,8 +17,9 @@ from phrt.kernels.bounce import MIRROR_RAY_ROUGHNESS, reflection_rays
 from phrt.kernels.layers import mark_targets
 from phrt.tracing import gather
 from phrt.world import World
+from phrt_plugins.effects.expected import shadow_rays
 from phrt_plugins.effects.options import ReflectionsOptions
-from phrt_plugins.effects.probes import Probes
+from phrt_plugins.effects.probes import Probes, probes_of
 
 PARALLAX, PARALLAX_PROBE = 0.5, 0.1
 """Radians by which the eye may go round a point before its value is dropped. Measured in the atrium and in Sponza (mirror balls):
@@ -37,7 +38,7 @@ class Reflections(RayEffect):
         if options.history:
             parallax = PARALLAX_PROBE if options.fallback == "probe" else PARALLAX
             self.history = HistoryRule(movers="any", lights=True, parallax=parallax, max_age=MAX_AGE)
-        self._probes = Probes(options.probe_size) if options.fallback == "probe" else None
+        self._probes: Probes | None = None
 
     def applies_to(self, world: World) -> np.ndarray:
         materials = world.materials
@@ -48,7 +49,7 @@ class Reflections(RayEffect):
     def rays_per_pixel(self, world: World) -> float:
         roughness = world.materials["roughness"][self.applies_to(world)]
         first = np.where(roughness < MIRROR_RAY_ROUGHNESS, 1.0, self._options.samples)
-        return float(first.mean() if len(first) else 1.0) * (1.0 + len(world.lights))
+        return float(first.mean() if len(first) else 1.0) * (1.0 + shadow_rays(world))
 
     def applies_at(self, frame: Frame, pixels: np.ndarray) -> np.ndarray | None:
         return frame.surfaces.roughness[pixels] <= np.float32(self._options.roughness_cutoff)
@@ -74,8 +75,13 @@ class Reflections(RayEffect):
         return EffectResult(radiance, total, traced)
 
     def prepare_fallback(self, frame: Frame) -> None:
-        if self._probes is not None:
+        if self._options.fallback == "probe":
+            self._probes = probes_of(frame.world, self._options.probe_size)
             self._probes.prepare(frame, frame.world.object_has(self.applies_to(frame.world)))
+
+    def begin_run(self) -> None:
+        if self._probes is not None:
+            self._probes.begin_run()
 
     def fallback(self, frame: Frame, pixels: np.ndarray) -> np.ndarray | None:
         if self._options.fallback == "none":

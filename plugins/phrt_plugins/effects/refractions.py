@@ -1,8 +1,9 @@
 """refractions: what is seen through glass and through alpha-blended surfaces.
 
 Dielectrics bend by Snell, split by Fresnel, reflect totally, absorb by Beer-Lambert, up to `max_depth`; thin walls (no
-thickness) and blended surfaces let rays pass unbent. Fallbacks: `alpha` (what lies straight behind, shaded without rays),
-`probe`, `environment`, `none`.
+thickness) and blended surfaces let rays pass unbent. Fallbacks: `probe` (for round, solid glass a cube map captured at the
+object, looked up as through a ball; `alpha` for the rest), `alpha` (what lies straight behind, shaded without rays),
+`environment`, `none`.
 Source: Whitted 1980; glTF KHR_materials_transmission, KHR_materials_volume.
 Example: `phrt render scenes/spheres.yaml -o out.png --effect refractions.max_depth=8`
 """
@@ -18,8 +19,9 @@ from phrt.kernels.layers import mark_targets
 from phrt.tracing import gather
 from phrt.world import World
 from phrt_plugins.effects.behind import behind, environment_through
+from phrt_plugins.effects.expected import shadow_rays
 from phrt_plugins.effects.options import RefractionsOptions
-from phrt_plugins.effects.probes import Probes
+from phrt_plugins.effects.probes import Probes, probes_of
 
 PARALLAX, PARALLAX_FINE = 0.5, 0.25
 """Radians by which the eye may go round a point before its value is dropped. Measured in the atrium and in Sponza (glass balls),
@@ -46,13 +48,13 @@ class Refractions(RayEffect):
         if options.history:
             parallax = PARALLAX_FINE if options.fallback in ("alpha", "probe") else PARALLAX
             self.history = HistoryRule(movers="any", lights=True, parallax=parallax, max_age=MAX_AGE)
-        self._probes = Probes(options.probe_size) if options.fallback == "probe" else None
+        self._probes: Probes | None = None
 
     def applies_to(self, world: World) -> np.ndarray:
         return world.material_lets_light_through()
 
     def rays_per_pixel(self, world: World) -> float:
-        return 3.0 + len(world.lights)
+        return 3.0 + shadow_rays(world)
 
     def trace(self, frame: Frame, pixels: np.ndarray) -> EffectResult:
         count = len(pixels)
@@ -74,14 +76,26 @@ class Refractions(RayEffect):
         return EffectResult(radiance, total)
 
     def prepare_fallback(self, frame: Frame) -> None:
-        if self._probes is not None:
+        if self._options.fallback == "probe":
+            self._probes = probes_of(frame.world, self._options.probe_size)
             self._probes.prepare(frame, frame.world.object_has(self.applies_to(frame.world)))
+
+    def begin_run(self) -> None:
+        if self._probes is not None:
+            self._probes.begin_run()
 
     def fallback(self, frame: Frame, pixels: np.ndarray) -> np.ndarray | None:
         if self._options.fallback == "none":
             return None
         if self._options.fallback == "environment":
             return environment_through(frame, pixels)
-        if self._probes is not None:
-            return self._probes.straight(frame, pixels)
-        return behind(frame, pixels)
+        if self._probes is None:
+            return behind(frame, pixels)
+        # Thin walls, flat faces and blended surfaces do not bend the view: what lies straight behind them is all but right.
+        bent = self._probes.is_round(frame, pixels)
+        if bent.all():
+            return self._probes.bent(frame, pixels)
+        values = np.empty((len(pixels), 3), np.float32)
+        values[bent] = self._probes.bent(frame, pixels[bent])
+        values[~bent] = behind(frame, pixels[~bent])
+        return values

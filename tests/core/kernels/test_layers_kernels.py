@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from phrt.kernels.layers import (
+    FILLED,
+    KEPT,
+    LONELY,
+    MISSING,
     count_by_object,
     fill_gaps,
     gather_ranges,
@@ -44,47 +50,60 @@ def test_pixels_are_sorted_by_object_in_tile_order_and_then_those_an_effect_appl
     assert start[0] == 0
 
 
-def fill_twin(
-    pixels: np.ndarray, ids: np.ndarray, mask: np.ndarray, layer: np.ndarray
-) -> tuple[dict[int, np.ndarray], list[int]]:
-    """What each gap should become, from the traced values alone; and the gaps nobody can fill."""
-    filled, missing = {}, []
-    for row in pixels[mask[pixels] != 2]:
-        y, x = divmod(int(row), WIDTH)
-        for ring in (1, 2):
-            around = [
-                (y + dy) * WIDTH + x + dx
-                for dy in range(-ring, ring + 1)
-                for dx in range(-ring, ring + 1)
-                if max(abs(dx), abs(dy)) == ring and 0 <= x + dx < WIDTH and 0 <= y + dy < HEIGHT
-            ]
-            good = [k for k in around if mask[k] == 2 and ids[k] == ids[row]]
-            if good:
-                filled[int(row)] = layer[good].mean(axis=0)
-                break
+def fill_twin(pixels: np.ndarray, ids: np.ndarray, mask: np.ndarray, layer: np.ndarray) -> dict[int, tuple[int, Any]]:
+    """What is made of each of `pixels`, and its value then; 2 is traced, 4 of an earlier frame."""
+    made: dict[int, tuple[int, Any]] = {}
+    for row in pixels.tolist():
+        y, x = divmod(row, WIDTH)
+        rings: list[list[int]] = [[], [], []]
+        for dy, dx in np.ndindex(5, 5):
+            other = (y + dy - 2) * WIDTH + x + dx - 2
+            if 0 <= y + dy - 2 < HEIGHT and 0 <= x + dx - 2 < WIDTH and ids[other] == ids[row]:
+                rings[max(abs(dy - 2), abs(dx - 2))].append(other)
+        good = [[k for k in ring if mask[k] in (2, 4)] for ring in rings]
+        enough = len(good[1]) >= 3 or 8 * sum(map(len, good)) >= sum(map(len, rings))
+        if mask[row] == 2 or (mask[row] == 4 and enough):
+            made[row] = KEPT, layer[row]
+        elif enough:
+            made[row] = FILLED, layer[good[1] or good[2]].mean(axis=0)
         else:
-            missing.append(int(row))
-    return filled, missing
+            made[row] = LONELY if mask[row] == 4 else MISSING, layer[row]
+    return made
 
 
-@pytest.mark.parametrize("density", [0.25, 0.03])
-def test_gaps_take_the_mean_of_the_nearest_traced_neighbours_of_their_object(density: float) -> None:
+@pytest.mark.parametrize("density", [0.25, 0.06, 0.02])
+def test_gaps_take_the_mean_of_the_nearest_values_of_their_object_where_there_are_enough(density: float) -> None:
     rng = np.random.default_rng(2)
     ids = (np.arange(COUNT) % WIDTH // 9 + 1).astype(np.uint32)
-    mask = np.where(rng.random(COUNT) < density, 2, 0).astype(np.uint8)
+    mask = np.where(rng.random(COUNT) < density, rng.choice([2, 4], COUNT), 0).astype(np.uint8)
     layer = rng.random((COUNT, 3)).astype(np.float32)
-    pixels = np.flatnonzero(ids <= 3).astype(np.int32)
-    before = layer.copy()
-    filled, missing = fill_twin(pixels, ids, mask, before)
-    traced = mask == 2
-    assert fill_gaps(pixels, ids, mask, WIDTH, HEIGHT, 2, 4, 3, layer) == len(missing)
-    assert filled
-    for row, value in filled.items():
+    pixels = rng.permutation(np.flatnonzero(ids <= 3)).astype(np.int32)
+    expected, before, found = fill_twin(pixels, ids, mask, layer), layer.copy(), np.empty(len(pixels), np.uint8)
+    left = fill_gaps(pixels, ids, mask, WIDTH, HEIGHT, 2, 4, True, layer, found)
+    assert found.tolist() == [expected[row][0] for row in pixels.tolist()]
+    assert left == (found >= MISSING).sum()
+    trusting = np.empty(len(pixels), np.uint8)
+    fill_gaps(pixels, ids, mask, WIDTH, HEIGHT, 2, 4, False, before.copy(), trusting)
+    np.testing.assert_array_equal(trusting, np.where(found == LONELY, KEPT, found))
+    for row, (_, value) in expected.items():
         np.testing.assert_allclose(layer[row], value, rtol=1e-5)
-        assert mask[row] == 3
-    untouched = np.setdiff1d(np.arange(COUNT), list(filled))
-    np.testing.assert_array_equal(layer[untouched], before[untouched])
-    np.testing.assert_array_equal(mask == 2, traced)
+    others = np.setdiff1d(np.arange(COUNT), pixels)
+    np.testing.assert_array_equal(layer[others], before[others])
+    kinds = {0.25: {KEPT, FILLED}, 0.06: {KEPT, FILLED, MISSING, LONELY}, 0.02: {KEPT, MISSING, LONELY}}
+    assert kinds[density] <= set(found.tolist())
+
+
+def test_one_pass_fills_a_surface_and_single_values_do_not() -> None:
+    """A quarter of the pixels stands for all of them; a dot here and there is no picture."""
+    y, x = np.divmod(np.arange(COUNT), WIDTH)
+    ids, pixels, found = np.ones(COUNT, np.uint32), np.arange(COUNT, dtype=np.int32), np.empty(COUNT, np.uint8)
+    layer = np.ones((COUNT, 1), np.float32)
+    mask = np.where((x % 2 == 0) & (y % 2 == 0), 4, 0).astype(np.uint8)
+    assert fill_gaps(pixels, ids, mask, WIDTH, HEIGHT, 2, 4, True, layer, found) == 0
+    assert (found == FILLED).mean() > 0.7
+    mask = np.where((x % 8 == 4) & (y % 8 == 4), 4, 0).astype(np.uint8)
+    assert fill_gaps(pixels, ids, mask, WIDTH, HEIGHT, 2, 4, True, layer, found) == COUNT
+    np.testing.assert_array_equal(found == LONELY, mask == 4)
 
 
 def test_scatter_writes_only_what_was_traced() -> None:
@@ -108,11 +127,11 @@ def test_mark_targets_starts_paths_at_the_eyes_distance(is_point: bool) -> None:
 
 
 def test_gaps_that_hold_an_earlier_value_keep_it_and_help_to_fill_others() -> None:
-    layer, mask = np.zeros((4, 1), np.float32), np.array([2, 4, 0, 2], np.uint8)
+    layer, mask, found = np.zeros((4, 1), np.float32), np.array([2, 4, 0, 2], np.uint8), np.empty(4, np.uint8)
     layer[:, 0] = [1, 7, 0, 3]
-    fill_gaps(np.arange(4, dtype=np.int32), np.ones(4, np.uint32), mask, 4, 1, 2, 4, 3, layer)
+    assert fill_gaps(np.arange(4, dtype=np.int32), np.ones(4, np.uint32), mask, 4, 1, 2, 4, True, layer, found) == 0
     assert layer[:, 0].tolist() == [1, 7, 5, 3]
-    assert mask.tolist() == [2, 4, 3, 2]
+    assert found.tolist() == [KEPT, KEPT, FILLED, KEPT]
 
 
 def pass_of(pixels: np.ndarray) -> np.ndarray:

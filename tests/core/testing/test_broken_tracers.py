@@ -154,6 +154,15 @@ class LeavesOutStone(Wrapped):
         return HitBatch(np.where(stone, np.float32(np.inf), hits.distance), primitive, hits.barycentric)
 
 
+class LeavesOutCasters(Wrapped):
+    def closest_hit(self, rays: RayBatch) -> HitBatch:
+        hits = super().closest_hit(rays)
+        if not rays.casters_only:
+            return hits
+        nothing = np.full(len(rays), np.inf, np.float32)
+        return HitBatch(nothing, np.full(len(rays), NO_PRIMITIVE, np.uint32), hits.barycentric)
+
+
 class NearlyRight(Wrapped):
     """A thousandth off, as after a transform in too low a precision."""
 
@@ -179,6 +188,7 @@ BROKEN: list[tuple[Any, str]] = [
     (TrustsNumbers, "rays with NaN, infinity or no direction miss"),
     (BuiltOnce, "built for another world"),
     (LeavesOutStone, "opaque_only may leave out what is not opaque, and never what is"),
+    (LeavesOutCasters, "casters_only may leave out what casts no shadow, and never what does"),
     (NearlyRight, r"expected t \[2.0, 2.0, inf\], got \[1.998"),
 ]
 

@@ -7,7 +7,7 @@ import pytest
 from kernel_kit import random_lights, random_materials, random_surfaces
 
 from phrt.lights import DIRECTIONAL
-from phrt_plugins.effects.cube_kernels import shadow_map_lookup
+from phrt_plugins.effects.cube_kernels import FRESH, shadow_map_lookup
 from phrt_plugins.effects.cube_maps import face_views
 
 SIZE = 16
@@ -58,7 +58,9 @@ def test_shadow_maps_are_looked_up_as_the_twin_says(count: int) -> None:
     direct[rng.random((count, len(lights))) < 0.2] = 0
     rows = rng.permutation(count).astype(np.int32)
     out = np.full((count, len(lights)), np.nan, np.float32)
-    shadow_map_lookup(rows, points, direct, lights, maps, frames, out)
+    state, wanted = np.full((len(lights), 6), FRESH, np.uint8), np.zeros((len(lights), 6), np.uint8)
+    assert shadow_map_lookup(rows, points, direct, lights, maps, frames, state, wanted, out) == 0
+    assert not wanted.any()
     wrong = 0
     for i, row in enumerate(rows):
         for k, light in enumerate(lights):
