@@ -46,6 +46,11 @@ for (const viewer of document.querySelectorAll(".viewer")) {
     select.replaceChildren(...names.map((name) => new Option(name, name)));
     select.value = names.includes(before) ? before : names[Math.min(fallback, names.length - 1)];
   };
+  // The first contestant that differs from the reference, which has raster only behind it.
+  const differing = () => {
+    const shots = [...group().children].filter((each) => each.dataset.name !== undefined);
+    return Math.max(shots.findIndex((each, number) => number >= 2 && Number(each.dataset.flip) > 0), Math.min(2, shots.length - 1));
+  };
   const put = (image, name, wantsMap) => {
     const found = shot(name);
     const map = found.querySelector(".map");
@@ -69,7 +74,7 @@ for (const viewer of document.querySelectorAll(".viewer")) {
   };
   const change = () => {
     fill(left, 0);
-    fill(right, 2);
+    fill(right, differing());
     show();
     slide();
   };

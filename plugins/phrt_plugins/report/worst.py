@@ -81,15 +81,20 @@ def harm_of(items: Items, frame: int, truth: Any) -> np.ndarray:
     if not benefit:
         return missing * items["pixel_count"]
     pairs = zip(items["object"].tolist(), items["effect"].tolist(), strict=True)
-    return missing * np.array([max(benefit.get(pair, 0.0), 0.0) for pair in pairs])
+    return missing * np.array([benefit.get((path, effect.partition("@")[0]), 0.0) for path, effect in pairs])
 
 
 def benefits(frame: int, truth: Any) -> dict[tuple[str, str], float]:
-    """The oracle's benefit of every item of a frame, by object and effect."""
+    """The oracle's benefit of every item of a frame, by object and effect, and of an object with "all" its effects; none is below
+    0. An effect of one light (`group_by: object_effect_light`) is looked up as the whole effect."""
     if not truth.num_rows:
         return {}
-    rows = truth.filter(np.asarray(truth.column("frame").to_numpy()) == frame).to_pylist()
-    return {(row["object"], row["effect"]): row["benefit"] for row in rows if math.isfinite(row["benefit"])}
+    found: dict[tuple[str, str], float] = {}
+    for row in truth.filter(np.asarray(truth.column("frame").to_numpy()) == frame).to_pylist():
+        if math.isfinite(row["benefit"]):
+            found[row["object"], row["effect"]] = max(row["benefit"], 0.0)
+            found[row["object"], "all"] = found.get((row["object"], "all"), 0.0) + max(row["benefit"], 0.0)
+    return found
 
 
 def worst_frames(run: BenchRun, cells: Sequence[Cell], metric: str, better: str) -> list[Worst]:

@@ -21,6 +21,7 @@ from phrt_plugins.report.figures import error_against, shares
 from phrt_plugins.report.model import Entry, Value, entries_of
 from phrt_plugins.report.timelines import ABSENT, FALLBACK, HELD, StripMaker, most_important, states, time_lines
 from phrt_plugins.report.traces import Trace, frame_times, late_share, trace_of
+from phrt_plugins.report.worst import harm_of
 
 arrow = needs.package("pyarrow")
 needs.package("matplotlib")
@@ -167,6 +168,27 @@ def test_late_frames_are_counted() -> None:
     trace = trace_of("gain", "frame_ms", frames_table(4, [30.0, 50.0, 40.0 + 1e-9, 41.0], 40.0))
     assert late_share(trace) == 0.5
     assert late_share(trace_of("gain", "none", frames_table(4, [1.0] * 4, 40.0))) is None
+
+
+@pytest.mark.parametrize(
+    ("effects", "harm"),
+    [
+        (("shadows", "reflections"), [3.0, 1.0]),
+        (("shadows@/lamp", "reflections"), [3.0, 1.0]),
+        (("all", "reflections"), [5.0, 1.0]),
+    ],
+)
+def test_what_is_missing_is_worth_its_benefit_however_items_are_made(
+    effects: tuple[str, str], harm: list[float]
+) -> None:
+    truth = {
+        "object": ["/a", "/a", "/b"],
+        "effect": ["shadows", "reflections", "reflections"],
+        "benefit": [3.0, 2.0, 2.0],
+    }
+    items = {"object": np.array(["/a", "/b"]), "effect": np.array(effects)}
+    items |= {"traced_pixels": np.array([0, 5]), "pixel_count": np.array([10, 10])}
+    assert harm_of(items, 7, arrow.table(truth | {"frame": [7, 7, 7]})).tolist() == harm
 
 
 def test_ten_thousand_frames_make_a_small_figure_that_keeps_the_worst() -> None:
