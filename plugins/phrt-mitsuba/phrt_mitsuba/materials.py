@@ -4,7 +4,7 @@
     metal below MIRROR_ROUGHNESS                    conductor                   reflects its colour; no Fresnel at grazing angles
     dielectric below MIRROR_ROUGHNESS               plastic                     a coat over a diffuse base
     other opaque ones                               principled                  Disney's diffuse lobe, which brightens towards edges
-    glass                                           dielectric, roughdielectric the same; absorption is a medium (`absorption`)
+    glass                                           dielectric, roughdielectric the same; see `phrt_mitsuba.surfaces` for absorption
     thin walls                                      thindielectric              reflects within the wall, too
     part transmission                               blendbsdf of the two
     alpha                                           mask
@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 from phrt.materials import absorption
 from phrt.model import Material
@@ -125,19 +124,9 @@ class Materials:
         return self.textures.color(material.emissive_texture, material.emissive)
 
 
-def medium(material: Material) -> dict[str, Any] | None:
-    """What a thick body is filled with, by Beer and Lambert; None for nothing that absorbs."""
-    absorbed = absorption(material)
-    if not material.transmission or material.thickness <= 0 or not any(absorbed):
-        return None
-    # Mitsuba takes colours up to 1, times a scale.
-    most = max(absorbed)
-    return {
-        "type": "homogeneous",
-        "albedo": 0.0,
-        "sigma_t": constant([each / most for each in absorbed]),
-        "scale": most,
-    }
+def absorbed_inside(material: Material) -> tuple[float, float, float]:
+    """What a thick body absorbs, per metre."""
+    return absorption(material) if material.transmission and material.thickness > 0 else BLACK
 
 
 def lets_light_pass(material: Material) -> bool:

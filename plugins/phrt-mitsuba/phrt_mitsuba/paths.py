@@ -4,7 +4,8 @@
         image = tracer.render(world, view, samples=64, max_depth=6, seed=0)
 
 Every pixel is the mean over its area (a box filter of one pixel), by stratified samples (Kensler 2013, "Correlated
-Multi-Jittered Sampling"). Paths end by Russian roulette after `max_depth` or LONG edges, whichever is less.
+Multi-Jittered Sampling"). Paths end by Russian roulette after `max_depth` or LONG edges, whichever is less. Bright specks, which
+a few paths of very many make, are taken out (`phrt_mitsuba.specks`).
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import numpy as np
 from phrt.camera import CameraView
 from phrt.errors import PhrtWarning
 from phrt_mitsuba.scene import PathScenes, make_scenes
+from phrt_mitsuba.specks import MOST_PARTS, parts_of, without_specks
 
 if TYPE_CHECKING:
     from phrt.world import World
@@ -48,13 +50,11 @@ class PathTracer:
         """As `phrt.interfaces.tracer.Tracer.render_paths`."""
         with _using(self.variant) as mitsuba:
             scenes = self._made(mitsuba, world)
-            camera = sensor(mitsuba, view, samples)
             hidden = not world.environment.visible
-            paths = integrator(mitsuba, view, samples, max_depth, volumetric=scenes.volumetric, hide_emitters=hidden)
-            image = np.array(paths.render(scenes.lit, camera, seed=seed, spp=samples), np.float32)
+            arguments = (mitsuba, view, samples, max_depth, seed, scenes.passing)
+            image = picture(scenes.lit, *arguments, hide_emitters=hidden)
             if scenes.glowing is not None:
-                paths = integrator(mitsuba, view, samples, max_depth, volumetric=scenes.volumetric, hide_emitters=False)
-                image += np.array(paths.render(scenes.glowing, camera, seed=seed, spp=samples), np.float32)
+                image += picture(scenes.glowing, *arguments, hide_emitters=False)
         return np.ascontiguousarray(image * np.float32(view.exposure * world.scene.settings.exposure))
 
     def close(self) -> None:
@@ -80,6 +80,26 @@ class PathTracer:
         return self._scenes
 
 
+def picture(
+    scene: Any,
+    mitsuba: Any,
+    view: CameraView,
+    samples: int,
+    max_depth: int,
+    seed: int,
+    passing: bool,
+    *,
+    hide_emitters: bool,
+) -> np.ndarray:
+    """(H, W, 3) float32 of a Mitsuba scene, exposure not applied. passing, hide_emitters: see `integrator`."""
+    parts = parts_of(samples)
+    each = -(-samples // parts)
+    camera = sensor(mitsuba, view, each)
+    paths = integrator(mitsuba, view, each, max_depth, passing=passing, hide_emitters=hide_emitters)
+    pictures = [paths.render(scene, camera, seed=seed * MOST_PARTS + part, spp=each) for part in range(parts)]
+    return without_specks(np.stack([np.array(part, np.float32) for part in pictures]))
+
+
 def sensor(mitsuba: Any, view: CameraView, samples: int) -> Any:
     """The camera of `view`, whatever its jitter."""
     # Mitsuba's cameras look along +Z, and +X is on their left.
@@ -103,11 +123,11 @@ def sensor(mitsuba: Any, view: CameraView, samples: int) -> Any:
 
 
 def integrator(
-    mitsuba: Any, view: CameraView, samples: int, max_depth: int, *, volumetric: bool, hide_emitters: bool
+    mitsuba: Any, view: CameraView, samples: int, max_depth: int, *, passing: bool, hide_emitters: bool
 ) -> Any:
-    """volumetric: light passes surfaces and media on its way, which takes longer to look for."""
+    """passing: are there surfaces that light passes on a straight way? Looking through them takes longer."""
     said = {
-        "type": "volpath" if volumetric else "path",
+        "type": "volpath" if passing else "path",
         "max_depth": max_depth,
         "rr_depth": min(max_depth, LONG),
         "hide_emitters": hide_emitters,

@@ -16,9 +16,9 @@ import numpy as np
 
 from phrt.model import Material, TextureRef
 from phrt_mitsuba.lights import emitters
-from phrt_mitsuba.materials import Materials, lets_light_pass, medium
+from phrt_mitsuba.materials import Materials, absorbed_inside, lets_light_pass
 from phrt_mitsuba.ply import write_ply
-from phrt_mitsuba.shadowless import shadowless
+from phrt_mitsuba.surfaces import surface_class
 from phrt_mitsuba.textures import Textures
 
 if TYPE_CHECKING:
@@ -38,13 +38,13 @@ SHOWN_SLOTS = (
 class PathScenes:
     """lit     : by its lights and the dome; what surfaces emit is not in it
     glowing    : what surfaces emit alone, seen as it is, in mirrors and through glass; None where nothing emits
-    volumetric : must light find its way through surfaces or media?
+    passing    : are there surfaces that light passes on a straight way, in part at least?
     notes      : what the scene has and these have not
     """
 
     lit: Any
     glowing: Any | None
-    volumetric: bool
+    passing: bool
     notes: tuple[str, ...]
 
 
@@ -71,9 +71,8 @@ def make_scenes(mitsuba: Any, world: World) -> PathScenes:
         black = Materials(textures, glowing=True)
         if any(black.emission(part.material) is not None for part in parts):
             glowing = mitsuba.load_dict({"type": "scene", **shapes(mitsuba, parts, black)})
-    media = any(medium(part.material) is not None for part in parts)
     passing = any(lets_light_pass(part.material) or not part.casts_shadow for part in parts)
-    return PathScenes(lit, glowing, media or passing, tuple(sorted(notes)))
+    return PathScenes(lit, glowing, passing, tuple(sorted(notes)))
 
 
 def shapes(mitsuba: Any, parts: list[Part], materials: Materials) -> dict[str, Any]:
@@ -82,10 +81,9 @@ def shapes(mitsuba: Any, parts: list[Part], materials: Materials) -> dict[str, A
     for number, part in enumerate(parts):
         bsdf: Any = materials.bsdf(part.material, normal_mapped=part.normal_mapped)
         shape: dict[str, Any] = {"type": "ply", "filename": part.file}
-        if not (part.casts_shadow or materials.glowing):
-            bsdf = shadowless(mitsuba.variant())(mitsuba.load_dict(bsdf))
-        if (inside := medium(part.material)) is not None:
-            shape["interior"] = inside
+        absorbed = absorbed_inside(part.material)
+        if any(absorbed) or not part.casts_shadow:
+            bsdf = surface_class(mitsuba.variant())(mitsuba.load_dict(bsdf), absorbed, part.casts_shadow)
         if materials.glowing and (radiance := materials.emission(part.material)) is not None:
             if part.material.double_sided:
                 materials.textures.notes.add("the backs of surfaces that glow on both sides")
