@@ -298,9 +298,9 @@ def _between(value: float, drawn: np.ndarray, segments: np.ndarray, resampling: 
     tail = (1.0 - resampling.level) / 2
     blocks = frames / _length(segments, resampling)
     if resampling.widen and blocks > 1:
-        from scipy.stats import norm, t
+        from scipy.special import ndtr, stdtrit  # a tenth of the time that importing scipy.stats takes
 
-        tail = float(norm.cdf(math.sqrt(blocks / (blocks - 1)) * t.ppf(tail, blocks - 1)))
+        tail = float(ndtr(math.sqrt(blocks / (blocks - 1)) * stdtrit(blocks - 1, tail)))
     low, high = np.quantile(drawn, (tail, 1.0 - tail)).tolist()
     return Interval(value, low, high, frames)
 
