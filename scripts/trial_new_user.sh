@@ -63,7 +63,7 @@ else
         "$python" -m pip wheel --quiet "${offline[@]}" -w wheels "$root"
         "$python" -m pip --python env/bin/python install --quiet "${offline[@]}" --force-reinstall wheels/phrt-*.whl
     fi
-    printf '#!%s\nimport runpy, sys\nsys.exit(runpy.run_module("phrt.cli", run_name="__main__"))\n' "$PWD/env/bin/python" >env/bin/phrt
+    printf '#!%s\nfrom phrt.cli.main import main\n\nif __name__ == "__main__":\n    main()\n' "$PWD/env/bin/python" >env/bin/phrt
     printf '#!/bin/sh\nexec "%s" -m pip --python "%s" "$@"\n' "$python" "$PWD/env/bin/python" >env/bin/pip
     printf '#!/bin/sh\nexec "%s" -m pytest -p no:dash -p no:cacheprovider "$@"\n' "$PWD/env/bin/python" >env/bin/pytest
     chmod +x env/bin/phrt env/bin/pip env/bin/pytest
@@ -81,7 +81,7 @@ try 0 phrt new heuristic nearest
 cp phrt-nearest/phrt_nearest.py before.py
 edit -e '1s/what is large and near is traced first/what is near and in the middle is traced first/' \
     -e 's/falling area \/ distance \*\* power, mandatory/falling center_closeness \/ distance ** power, mandatory/' \
-    -e 's/Field(default=1.0, ge=0.0, le=8.0, description="How much distance counts against the visible area.")/Field(default=2.0, ge=0.0, le=8.0, description="How much distance counts.")/' \
+    -e 's/"What is large and near first."/"What is near and in the middle first."/' \
     -e 's/"""By falling area \/ distance/"""By falling center_closeness \/ distance/' \
     -e 's/score = candidates.area \//score = candidates.center_closeness \//'
 changed=$(diff before.py phrt-nearest/phrt_nearest.py | grep -c '^>' || true)
@@ -89,7 +89,7 @@ diff before.py phrt-nearest/phrt_nearest.py || true
 [ "$changed" = 5 ] || { echo "$changed lines were changed, and not 5" >&2; exit 1; }
 pip_install -e ./phrt-nearest
 expect "phrt-nearest" 0 phrt plugins --kind heuristic
-expect "power = 2.0" 0 phrt plugins show nearest
+expect "What is near and in the middle first." 0 phrt plugins show nearest
 (cd phrt-nearest && expect "2 passed" 0 pytest -q) || exit 1
 expect "rays" 0 phrt render room.yaml -o nearest.png --size 192x108 --heuristic nearest --budget 6000rays
 try 0 sed -i 's/^heuristics: \[/heuristics: [nearest, /' room_bench.yaml
