@@ -145,7 +145,7 @@ def trial(variant: str, library: str | None = None) -> str | None:
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     if library is not None:
         environment[llvm.VARIABLE] = library
-    command = [sys.executable, "-c", TRIAL, variant]
+    command = [sys.executable, "-P", "-c", TRIAL, variant]  # -P: modules of the folder one is in are not imported
     try:
         ended = subprocess.run(
             command, env=environment, capture_output=True, text=True, timeout=TRIAL_SECONDS, check=False

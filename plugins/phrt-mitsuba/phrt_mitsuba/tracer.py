@@ -140,7 +140,7 @@ class MitsubaTracer(Tracer):
         length = dr.squared_norm(direction)
         usable = dr.isfinite(dr.sum(origin)) & dr.isfinite(length) & (length > 0.0) & (t_max > 0.0)
         ray = mi.Ray3f(origin, direction)
-        ray.maxt = t_max * _JUST_BELOW
+        ray.maxt = dr.minimum(t_max * _JUST_BELOW, dr.largest(mi.Float))  # OptiX knows no infinite ray
         return ray, usable
 
     def _nearest(self, layers: list[Layer], rays: RayBatch) -> tuple[Any, Any, Any]:

@@ -105,6 +105,13 @@ def test_a_trial_that_hangs_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert trial("llvm_ad_rgb") == "a trial ray was not answered in 0.2 s"
 
 
+def test_a_trial_does_not_import_from_the_folder_one_is_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "drjit.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w').close()")
+    monkeypatch.chdir(tmp_path)
+    trial("scalar_rgb")
+    assert not (tmp_path / "ran").exists()
+
+
 @pytest.mark.usefixtures("fresh", "no_gpu")
 def test_the_next_library_is_tried_when_one_kills_its_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bad, good = tmp_path / "libLLVM.so.20.1", tmp_path / "libLLVM.so.19.1"
