@@ -1,8 +1,8 @@
 """Which LLVM library Dr.Jit, the compiler inside Mitsuba, is to load. Only file names are read: nothing is loaded here.
 
 Dr.Jit picks one when `drjit` is imported, and it takes any from LLVM 15 on. But LLVM 15, which Debian 12 has, cannot compile
-the minimum of two numbers as Dr.Jit writes it ("Cannot select: fminimum"), and ends the process; LLVM 17 can. So older ones
-than `OLDEST` do not count here. The user's `DRJIT_LIBLLVM_PATH` is the last word.
+the minimum of two numbers as Dr.Jit writes it ("Cannot select: fminimum"), and ends the process. So older ones than `OLDEST`
+do not count here; LLVM 19 is the one that is tested. The user's `DRJIT_LIBLLVM_PATH` is the last word.
 """
 
 from __future__ import annotations
