@@ -15,7 +15,7 @@ from phrt.interfaces.heuristic import Candidates
 from phrt.registry import Plugin, get_registry
 from phrt.registry.manager import KINDS, hook_name
 from phrt.registry.options import option_rows
-from phrt_plugins.bench.config import BenchConfig, HeuristicEntry, SceneEntry
+from phrt_plugins.bench.config import BenchConfig, HeuristicEntry, PathTraced, SceneEntry
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 COMMANDS = cli_tables.commands()
@@ -65,7 +65,7 @@ def test_every_metric_column_is_documented() -> None:
     assert [c.name for c in columns if not re.search(rf"^\| `{c.name}` \|.*{re.escape(c.summary)}", text, re.M)] == []
 
 
-@pytest.mark.parametrize("model", [BenchConfig, SceneEntry, HeuristicEntry])
+@pytest.mark.parametrize("model", [BenchConfig, SceneEntry, HeuristicEntry, PathTraced])
 def test_every_key_of_a_benchmark_is_documented(model: type) -> None:
     rows = option_rows(model)
     assert [row.name for row in rows if not row.meaning] == []
