@@ -60,7 +60,7 @@ class Defaults:
             "gbuffer": f"gbuffer: {self.gbuffer.name or 'none'}: {self.gbuffer.reason}",
             "tracer": f"tracer: {self.tracer.name or 'none'}: {self.tracer.reason}",
             "effect": f"effects: {', '.join(DEFAULT_EFFECTS)}: a fixed list, which no package changes",
-            "heuristic": f"heuristic: {DEFAULT_HEURISTIC}: fixed, too",
+            "heuristic": f"heuristic: {DEFAULT_HEURISTIC}: fixed, where neither scene nor command names another",
             "loader": "loaders, by a file's ending: " + "; ".join(f"{name} {ends}" for name, ends in read.items()),
         }
         return [line for kind, line in said.items() if kinds is None or kind in kinds]

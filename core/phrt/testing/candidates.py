@@ -21,10 +21,12 @@ from phrt.interfaces.heuristic import (
     Outcome,
     Request,
 )
-from phrt.testing.contract import Contract
+from phrt.testing.contract import BROKEN_BY_THE_PLUGIN, Contract
 from phrt.testing.pictures import StripedPicture
 from phrt.testing.worlds import at, box, world_of
 from phrt.world import World
+
+__tracebackhide__ = BROKEN_BY_THE_PLUGIN
 
 OBJECTS = 32
 """Of the world that contexts made here are about."""

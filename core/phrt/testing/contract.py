@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
+from operator import methodcaller
 from typing import Any, TypeVar
 
 from pydantic import BaseModel
@@ -21,6 +22,11 @@ Given = str | Plugin | Callable[..., Any]
 
 class BrokenContract(AssertionError):
     """A plugin does not keep its contract. The message names the plugin, the rule and the case."""
+
+
+BROKEN_BY_THE_PLUGIN = methodcaller("errisinstance", BrokenContract)
+"""As `__tracebackhide__` of the kit's modules: pytest then shows a plugin's author the author's test, and the rule."""
+__tracebackhide__ = BROKEN_BY_THE_PLUGIN
 
 
 class Contract:

@@ -16,10 +16,12 @@ from phrt.channels import CHANNELS
 from phrt.frame import Frame
 from phrt.interfaces.effect import EffectResult, HistoryRule, LayerSpec, RayEffect
 from phrt.model import Light, Material
-from phrt.testing.contract import Contract, Given, Maker
+from phrt.testing.contract import BROKEN_BY_THE_PLUGIN, Contract, Given, Maker
 from phrt.testing.frames import CountingTracer, frame_of
 from phrt.testing.worlds import at, box, front_view, quad, sphere, world_of
 from phrt.world import World
+
+__tracebackhide__ = BROKEN_BY_THE_PLUGIN
 
 CLOSE = 1e-6
 """Relative and absolute: how far values of the same pixel may be apart."""

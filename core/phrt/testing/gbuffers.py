@@ -18,11 +18,13 @@ from phrt.kernels.arrays import SurfaceArrays, surface_arrays
 from phrt.model import Image, Material, TextureRef
 from phrt.registry.auto import FALLBACK_GBUFFER
 from phrt.registry.manager import get_registry
-from phrt.testing.contract import BrokenContract, Given, Maker
+from phrt.testing.contract import BROKEN_BY_THE_PLUGIN, BrokenContract, Given, Maker
 from phrt.testing.tracers import ORACLE
 from phrt.testing.worlds import at, four_colors, front_view, half_covered, quad, sphere, world_of
 from phrt.workers import Workers
 from phrt.world import World
+
+__tracebackhide__ = BROKEN_BY_THE_PLUGIN
 
 OTHER_OBJECT, OTHER_TRIANGLE = 0.01, 0.02
 """Share of pixels where rasterizing and tracing may see something else: edges between objects, and between triangles."""

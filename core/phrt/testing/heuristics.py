@@ -12,8 +12,10 @@ from pydantic import BaseModel
 
 from phrt.interfaces.heuristic import NEVER_TRACED, PASSES, BudgetUnit, Candidates, Heuristic, Request
 from phrt.testing.candidates import OBJECTS, Tally, candidates, context, one_frame, rows
-from phrt.testing.contract import BrokenContract, Contract, Given, Maker
+from phrt.testing.contract import BROKEN_BY_THE_PLUGIN, BrokenContract, Contract, Given, Maker
 from phrt.watchdog import PATIENCE_S, Guard, NeverReturned
+
+__tracebackhide__ = BROKEN_BY_THE_PLUGIN
 
 EFFECTS = ("shadows", "reflections")
 MOST_ITEMS = 30

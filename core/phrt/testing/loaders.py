@@ -15,7 +15,9 @@ from phrt.errors import AssetError, InputError
 from phrt.interfaces.loader import LoadContext, Loader
 from phrt.model import Image, Material, Mesh, Model, Node, TextureRef
 from phrt.registry.manager import describe
-from phrt.testing.contract import BrokenContract, Contract, Given, Maker
+from phrt.testing.contract import BROKEN_BY_THE_PLUGIN, BrokenContract, Contract, Given, Maker
+
+__tracebackhide__ = BROKEN_BY_THE_PLUGIN
 
 UNIT = 1e-3
 """How far from 1 the length of a normal may be."""

@@ -15,7 +15,9 @@ from pydantic import BaseModel
 
 from phrt.interfaces.metric import RESERVED_COLUMNS, Better, Column, Metric, RunFrames, Scope, Shot, Statistic
 from phrt.output.tonemap import linear_from_srgb
-from phrt.testing.contract import Contract, Given, Maker
+from phrt.testing.contract import BROKEN_BY_THE_PLUGIN, Contract, Given, Maker
+
+__tracebackhide__ = BROKEN_BY_THE_PLUGIN
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 CLOSE = 1e-6
