@@ -113,8 +113,8 @@ def options() -> str:
 
 def plugin_options(entry: RegisteredPlugin) -> str:
     """A plugin's heading, summary and options."""
-    rows = [(f"`{row.name}`", row.allowed, row.default, row.meaning) for row in option_rows(entry.plugin.options)]
-    body = table(("option", "allowed", "default", "meaning"), rows) if rows else "No options.\n"
+    rows = [(f"`{r.name}`", r.allowed, r.default, r.unit, r.meaning) for r in option_rows(entry.plugin.options)]
+    body = table(("option", "allowed", "default", "unit", "meaning"), rows) if rows else "No options.\n"
     return f"### {entry.kind} `{entry.name}`\n\n{entry.plugin.summary}\n\n{body}"
 
 

@@ -175,3 +175,13 @@ def test_a_phone_shows_pages_without_scrolling_sideways(chromium: Any, site: Pat
         assert seen.page.evaluate("document.documentElement.scrollWidth") <= PHONE
         size = seen.page.evaluate("parseFloat(getComputedStyle(document.querySelector('article p')).fontSize)")
         assert size >= 14
+
+
+def test_nothing_of_a_page_is_left_as_markdown(site: Path) -> None:
+    left = re.compile(r"^(?:<p>)?(?:- |\d+\. |\||```|#+ )", re.MULTILINE)
+    for page in PAGES:
+        text = built(site, page).read_text(encoding="utf-8")
+        article = re.sub(r"<(pre|script|style)\b.*?</\1>", "", text, flags=re.DOTALL).partition("<article")[2]
+        assert left.findall(article.partition("</article>")[0]) == [], (
+            f"{page}: a list needs a blank line, and four spaces inside"
+        )
