@@ -170,13 +170,13 @@ def lights_class(variant: str) -> Any:
             return record, mi.Spectrum(arriving) & (active & found)
 
         def shares(self, place: Any) -> list[Any]:
-            """How often each light is taken at `place`: by what should arrive of it, and one time in three any that reaches it. A
-            mirror-like highlight is of whatever light it is of."""
+            """How often each light is taken at `place`: half of the time by what should arrive of it, else any that reaches it,
+            because a highlight may be of one that is far away."""
             weights = [light.weight(place) for light in self.lights]
             total = dr.maximum(sum(weights), TINY)
             reaching = [dr.select(weight > 0.0, mi.Float(1.0), mi.Float(0.0)) for weight in weights]
             count = dr.maximum(sum(reaching), 1.0)
-            return [(2 * weight / total + one / count) / 3 for weight, one in zip(weights, reaching, strict=True)]
+            return [(weight / total + one / count) / 2 for weight, one in zip(weights, reaching, strict=True)]
 
         def eval(self, si: Any, active: Any = True) -> Any:
             return mi.Spectrum(0.0)

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-AGREED = 0.25
-"""Gini coefficient of parts that differ by noise alone."""
+AGREED = 0.5
+"""Gini coefficient up to which parts differ by noise alone: also highlights that only some samples find."""
 MOST_PARTS = 16
-LEAST_SAMPLES = 8
+LEAST_SAMPLES = 16
 """Of a part, so that it is stratified. Fewer than FEWEST_PARTS of them are not worth telling apart."""
 FEWEST_PARTS = 4
 

@@ -109,7 +109,7 @@ def test_glass_absorbs_on_the_way_through() -> None:
     once, reflected = np.array([0.8, 0.4, 0.1]) ** 2, 0.04
     passed = (1 - reflected) ** 2 * once / (1 - reflected**2 * once**2)
     mirrored = reflected + (1 - reflected) ** 2 * reflected * once**2 / (1 - reflected**2 * once**2)
-    np.testing.assert_allclose(found, passed + mirrored, rtol=0.03)
+    np.testing.assert_allclose(found, passed + mirrored, rtol=0.06)
 
 
 def test_what_glows_is_seen_and_lights_nothing() -> None:
@@ -127,7 +127,7 @@ def test_what_glows_is_seen_in_mirrors_and_through_glass() -> None:
     stage.add("/pane", box(4, 4, 0.1), GLASS, at(0, 0, 1)).camera((0, 0, 3), (0, 0, 0), fov_y=0.2)
     image = traced(stage.scene, (6, 6), samples=64, max_depth=12)
     # All that is not reflected towards the panel by the pane comes back from the mirror behind it.
-    np.testing.assert_allclose(image.mean(axis=(0, 1)), (3.0, 2.0, 1.0), rtol=0.03)
+    np.testing.assert_allclose(image.mean(axis=(0, 1)), (3.0, 2.0, 1.0), rtol=0.06)
 
 
 # Shadows
@@ -357,7 +357,7 @@ def test_a_speck_is_taken_out_and_noise_is_not() -> None:
     np.testing.assert_allclose(specked, clean, rtol=1e-5)
 
 
-@pytest.mark.parametrize(("samples", "parts"), [(1, 1), (31, 1), (32, 4), (64, 8), (256, 16), (10_000, 16)])
+@pytest.mark.parametrize(("samples", "parts"), [(1, 1), (63, 1), (64, 4), (128, 8), (256, 16), (10_000, 16)])
 def test_parts_are_large_enough_to_be_stratified(samples: int, parts: int) -> None:
     assert parts_of(samples) == parts
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from phrt import World, load_scene
+from phrt.errors import OptionError
 from phrt.interfaces.tracer import Tracer
 from phrt.rays import RayBatch
 from phrt.registry import get_registry
@@ -18,6 +19,7 @@ from phrt_plugins.bench.reading import read_config
 
 FOLDER = Path(__file__).resolve().parents[3] / "scenes" / "benchmarks"
 NEED_FILES = {"paper_reference", "generality_reference"}
+NEED_MITSUBA = {"path_traced"}
 NAMES = sorted(path.stem for path in FOLDER.glob("*.yaml"))
 
 
@@ -29,11 +31,22 @@ def plan(name: str) -> Plan:
     return checked_plan(read_config(FOLDER / f"{name}.yaml"))
 
 
+def mitsuba_is_here() -> bool:
+    registry = get_registry()
+    known = "mitsuba" in registry.names("tracer")
+    return known and registry.find("tracer", "mitsuba").unavailable_reason() is None
+
+
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.filterwarnings("ignore:sponza_textured.glb")
 def test_every_config_can_be_run(name: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     if name in NEED_FILES:
         monkeypatch.setenv("PHRT_ASSETS", str(request.getfixturevalue("assets")))
+    if name in NEED_MITSUBA and not mitsuba_is_here():
+        wanted = r"path_traced\.yaml:\d+: reference\.tracer: (there is no tracer 'mitsuba'|tracer 'mitsuba' is not available here)"
+        with pytest.raises(OptionError, match=wanted):
+            plan(name)
+        return
     made = plan(name)
     said = config(name)
     assert said.name == name
