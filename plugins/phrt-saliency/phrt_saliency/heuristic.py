@@ -8,19 +8,20 @@ the area: with the share A' of the picture's saliency that lies on an object's p
     R' = (S I + V') K    in place of R = (S I + V) K, eq. (3)
 
 With `weight` below 1 it is a mean of both areas: A' weight + A (1 - weight). Where nothing stands out, A' is A and R' is R.
-Mandatory items come first. The others are taken, by `choose`,
+Without `place` V' is the area alone. Mandatory items come first. The others are taken, by `choose`,
 
-- `ratio`: whole, by falling R' / predicted cost, the classic rule of a knapsack (Funkhouser and Sequin 1993);
-- `relevance`: whole, by falling R', which is what the paper's selection graph with refreshed pointers comes to;
 - `levels`: in parts. Each pass (one pixel of each 2x2 block) is worth R' times the error that it takes away from the gaps that are
-  filled, so that what stands out gets more rays a pixel, as in selective rendering (Yee et al. 2001).
+  filled, and passes are taken by falling worth / predicted cost, so that what stands out gets more rays a pixel, as in selective
+  rendering (Yee et al. 2001);
+- `ratio`: whole, by falling R' / predicted cost, the classic rule of a knapsack (Funkhouser and Sequin 1993);
+- `relevance`: whole, by falling R', which is what the paper's selection graph with refreshed pointers comes to.
 
 What does not fit is passed over.
 
 A'/A of an object follows the map slowly (`settle_frames`), so that choices do not flicker with it. It is one value an object,
 whichever effect it is for: the map is of the picture without rays, and cannot know what an effect will add.
 
-Options: weight, choose, settle_frames, map_width, intensity, color, orientation.
+Options: weight, place, choose, settle_frames, map_width, intensity, color, orientation.
 Source: Itti et al. 1998 for the map; its use for rendering after Yee et al. 2001 and Longhurst et al. 2006; R of Andrade et al.
 2014. Ours: A'.
 
@@ -42,7 +43,7 @@ from phrt_saliency.options import SaliencyOptions
 
 
 class Saliency(Heuristic):
-    """By falling R' / predicted cost, or by falling R'; of equals the dearer one. Or in parts, see `Levels`."""
+    """In parts, see `Levels`; or whole, by falling R' / predicted cost or by falling R', of equals the dearer one."""
 
     def __init__(self, options: SaliencyOptions) -> None:
         self._options = options
@@ -55,7 +56,7 @@ class Saliency(Heuristic):
 
     def begin_frame(self, candidates: Candidates, context: FrameContext) -> None:
         ratio = self._follow(self._look(context), candidates, first=context.sample == 0)
-        relevance = weighed(candidates, ratio, self._options.weight)
+        relevance = weighed(candidates, ratio, self._options.weight, place=self._options.place)
         price = candidates.predicted_cost.astype(np.float64)
         worth = relevance if self._options.choose == "relevance" else relevance / price
         self.scores = worth.astype(np.float32)
@@ -94,13 +95,14 @@ class Saliency(Heuristic):
         return self._ratio
 
 
-def weighed(candidates: Candidates, ratio: np.ndarray, weight: float) -> np.ndarray:
-    """R' (n,) float32 of candidates whose objects have A'/A `ratio` (N + 1,): R, with V' - V more of V in it.
+def weighed(candidates: Candidates, ratio: np.ndarray, weight: float, *, place: bool = True) -> np.ndarray:
+    """R' (n,) float32 of candidates whose objects have A'/A `ratio` (N + 1,): R with V' in the place of V.
 
-    Ours: Andrade et al. 2014, eqs. (1) and (3), with the area A' weight + A (1 - weight).
+    Andrade et al. 2014, eqs. (1) and (3); ours: the area is A' weight + A (1 - weight), and without `place` V' is that alone.
     """
-    more = np.float32(weight) * (ratio[candidates.object_id] - np.float32(1.0))
-    return candidates.relevance + more * candidates.visibility * candidates.importance_factor
+    counted = np.float32(1.0) + np.float32(weight) * (ratio[candidates.object_id] - np.float32(1.0))
+    visible = (candidates.visibility if place else candidates.area) * counted
+    return candidates.relevance + (visible - candidates.visibility) * candidates.importance_factor
 
 
 def settling(half_frames: float) -> np.float32:

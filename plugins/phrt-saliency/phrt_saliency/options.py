@@ -37,10 +37,11 @@ class SaliencyOptions(MapOptions):
     weight: float = Field(
         1.0, ge=0.0, le=1.0, description="0 takes the area as it is (relevance R alone), 1 counts it in saliency alone"
     )
-    choose: Literal["ratio", "relevance", "levels"] = Field(
-        "ratio",
-        description="whole items by relevance for the predicted cost, whole items by relevance whatever they cost, or parts of "
-        "items by relevance for the predicted cost",
+    place: bool = Field(True, description="P and D count, as in eq. (1); off takes the area alone, wherever it is")
+    choose: Literal["levels", "ratio", "relevance"] = Field(
+        "levels",
+        description="parts of items by relevance for the predicted cost, whole items by that, or whole items by relevance "
+        "whatever they cost",
     )
     settle_frames: float = Field(
         4.0,

@@ -24,7 +24,8 @@ from phrt_heuristics.greedy_relevance import GreedyRelevance
 VARIANTS: list[dict[str, Any]] = [
     {},
     {"choose": "relevance"},
-    {"choose": "levels"},
+    {"choose": "ratio"},
+    {"place": False},
     {"weight": 0.3, "settle_frames": 0.0},
     {"map_width": 32, "intensity": 0.0, "orientation": 0.0},
 ]
@@ -139,6 +140,8 @@ def test_relevance_is_the_paper_s_with_the_area_counted_in_saliency() -> None:
         counted = area * (1 - weight + weight * ratio[1:])
         expected = (selected * 0.05 + counted * closeness / distance) * importance
         np.testing.assert_allclose(weighed(work, ratio, weight), expected, rtol=1e-5)
+        anywhere = (selected * 0.05 + counted) * importance
+        np.testing.assert_allclose(weighed(work, ratio, weight, place=False), anywhere, rtol=1e-5)
 
 
 def test_the_shares_of_all_objects_are_the_whole_saliency() -> None:
