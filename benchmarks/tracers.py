@@ -10,7 +10,8 @@ median of the ratios within a repeat. The bar: the `embree` tracer is at least 1
 primary and shadow rays.
 
 Tracers of other packages take part by name (--tracer). They get every batch in one call and bring their own threads, so
-they are only measured where all threads are used; their ratios, too, are taken within a repeat.
+they are only measured where all threads are used; their ratios, too, are taken within a repeat. On a busy machine look at
+the rates in brackets: rays a second of processor time, whose sum over two free cores is what two threads come to at best.
 """
 
 from __future__ import annotations
@@ -89,7 +90,8 @@ class Geometry:
 @dataclass(frozen=True)
 class RateRow:
     """Rates of one kind of rays. mega_rays: M rays/s by contender; ratio and its bar: embree tracer / embreex `run`;
-    ratios: of every repeat; guests: median ratios of other packages' tracers, by "guest / contender"."""
+    ratios: of every repeat; guests: median ratios of other packages' tracers, by "guest / contender".
+    busy_rays: M rays a second of processor time, all threads together, which other programs hardly change."""
 
     scene: str
     triangles: int
@@ -100,6 +102,7 @@ class RateRow:
     bar: float | None
     ratios: tuple[float, ...]
     guests: dict[str, float] = field(default_factory=dict)
+    busy_rays: dict[str, float] = field(default_factory=dict)
 
 
 def reference_geometries(assets: Path) -> Iterator[Geometry]:
@@ -222,8 +225,11 @@ def measure(geometry: Geometry, threads: int, repeats: int = 15, guests: Sequenc
             "random": ("closest_hit", random_rays(geometry)),
         }
         for kind, (query, rays) in batches.items():
-            seconds = interleaved(run, query, rays, repeats)
-            rates = {name: len(rays) / float(np.median(times)) / 1e6 for name, times in seconds.items()}
+            seconds, busy = interleaved(run, query, rays, repeats)
+            rates, busy_rates = (
+                {name: len(rays) / float(np.median(times)) / 1e6 for name, times in each.items()}
+                for each in (seconds, busy)
+            )
             ratios = tuple(np.divide(seconds["embreex run"], seconds["embree"]).tolist())
             ratio = float(np.median(ratios))
             bar = BAR if threads == 2 and kind != "random" else None
@@ -233,24 +239,36 @@ def measure(geometry: Geometry, threads: int, repeats: int = 15, guests: Sequenc
                 for name in seconds
                 if name not in guests
             }
-            rows.append(
-                RateRow(geometry.name, len(geometry.triangles), kind, threads, rates, ratio, bar, ratios, against)
+            row = (
+                geometry.name,
+                len(geometry.triangles),
+                kind,
+                threads,
+                rates,
+                ratio,
+                bar,
+                ratios,
+                against,
+                busy_rates,
             )
+            rows.append(RateRow(*row))
     return rows
 
 
 def interleaved(
     run: dict[str, Callable[[str, RayBatch], Any]], query: str, rays: RayBatch, repeats: int
-) -> dict[str, list[float]]:
-    """Seconds of every repeat by contender; the first round is not counted."""
+) -> tuple[dict[str, list[float]], dict[str, list[float]]]:
+    """Seconds of every repeat by contender, and those of processor time; the first round is not counted."""
     seconds: dict[str, list[float]] = {name: [] for name in run}
+    busy: dict[str, list[float]] = {name: [] for name in run}
     for repeat in range(repeats + 1):
         for name, ask in run.items():
-            start = time.perf_counter()
+            start, busy_start = time.perf_counter(), time.process_time()
             ask(query, rays)
             if repeat:
                 seconds[name].append(time.perf_counter() - start)
-    return seconds
+                busy[name].append(time.process_time() - busy_start)
+    return seconds, busy
 
 
 def measure_all(assets: Path, repeats: int = 15, guests: Sequence[str] = ()) -> list[RateRow]:
@@ -266,17 +284,23 @@ def table(rows: list[RateRow]) -> Table:
     """The rows, for `rich`."""
     names = list(dict.fromkeys(name for row in rows for name in row.mega_rays))
     guests = list(dict.fromkeys(name for row in rows for name in row.guests))
-    made = Table(title="Bare tracers, M rays/s (medians)", title_justify="left")
+    made = Table(title="Bare tracers, M rays/s (medians; in brackets a second of processor time)", title_justify="left")
     for heading in ("scene", "triangles", "rays", "threads", *names, "embree / run", "bar", *guests):
         made.add_column(heading, justify="left" if heading in ("scene", "rays") else "right")
     for row in rows:
-        rates = [f"{row.mega_rays[name]:.1f}" if name in row.mega_rays else "" for name in names]
+        rates = [rate_text(row, name) for name in names]
         against = [f"{row.guests[name]:.2f}" if name in row.guests else "" for name in guests]
         bar = "" if row.bar is None else f">= {row.bar} {'met' if row.ratio >= row.bar else 'MISSED'}"
-        made.add_row(
-            row.scene, f"{row.triangles:,}", row.kind, str(row.threads), *rates, f"{row.ratio:.2f}", bar, *against
-        )
+        start = (row.scene, f"{row.triangles:,}", row.kind, str(row.threads))
+        made.add_row(*start, *rates, f"{row.ratio:.2f}", bar, *against)
     return made
+
+
+def rate_text(row: RateRow, name: str) -> str:
+    """ "24.6 (12.9)", or nothing for who did not take part."""
+    if name not in row.mega_rays:
+        return ""
+    return f"{row.mega_rays[name]:.1f}" + (f" ({row.busy_rays[name]:.1f})" if name in row.busy_rays else "")
 
 
 def main() -> None:

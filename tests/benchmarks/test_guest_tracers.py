@@ -24,7 +24,9 @@ def test_a_guest_is_measured_against_every_contender_where_all_cores_are_used(sm
         assert "numpy" not in row.mega_rays
     for row in together:
         assert {"numpy / embree", "numpy / embreex run"} <= set(row.guests)
-        assert row.guests["numpy / embree"] < 1, "the slow oracle is faster than Embree"
+        assert min(row.guests.values()) > 0
+        assert row.mega_rays["numpy"] > 0
     shown = io.StringIO()
     Console(file=shown, width=300).print(small.table([*alone, *together]))
     assert "numpy / embreex run" in shown.getvalue()
+    assert f"{together[0].busy_rays['embree']:.1f})" in shown.getvalue()
