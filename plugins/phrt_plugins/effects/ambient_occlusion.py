@@ -1,7 +1,8 @@
 """ambient_occlusion: how much of the dome's diffuse light is kept away by what is near.
 
-`samples` cosine-weighted rays within `radius` metres. Fallback: the constant `fallback_value`.
-Source: Zhukov et al. 1998; Landis 2002.
+`samples` cosine-weighted rays within `radius` metres. Fallbacks: `constant` (`fallback_value`),
+`screen_space` (what the G-buffer itself knows of what is near).
+Source: Zhukov et al. 1998; Landis 2002; Jimenez et al. 2016 (screen space).
 Example: `phrt render scenes/atrium.yaml -o out.png --effect ambient_occlusion.samples=16`
 """
 
@@ -16,6 +17,7 @@ from phrt.rays import RayBatch
 from phrt.tracing import blocked
 from phrt.world import World
 from phrt_plugins.effects.options import AmbientOcclusionOptions
+from phrt_plugins.effects.screen_space import screen_occlusion
 
 
 class AmbientOcclusion(RayEffect):
@@ -50,6 +52,8 @@ class AmbientOcclusion(RayEffect):
         return EffectResult(values, count)
 
     def fallback(self, frame: Frame, pixels: np.ndarray) -> np.ndarray | None:
+        if self._options.fallback == "screen_space":
+            return screen_occlusion(frame, pixels, self._options.radius)
         if self._options.fallback_value == self.writes.clear:
             return None
         return np.full((len(pixels), 1), self._options.fallback_value, np.float32)

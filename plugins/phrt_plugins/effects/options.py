@@ -81,7 +81,11 @@ class AmbientOcclusionOptions(Options):
     radius: float = Field(
         1.0, gt=0.0, json_schema_extra={"unit": "metres"}, description="how far an occluder counts, metres"
     )
-    fallback_value: float = Field(1.0, ge=0.0, le=1.0, description="what untraced pixels get; 1 is unoccluded")
+    fallback: Literal["screen_space", "constant"] = Field(
+        "screen_space",
+        description="what untraced pixels get: `fallback_value`, or what the picture itself knows of what is near",
+    )
+    fallback_value: float = Field(1.0, ge=0.0, le=1.0, description="of the fallback `constant`; 1 is unoccluded")
     history: bool = Field(
         True, description="where it is not traced, values of earlier frames stand in as long as they hold"
     )
