@@ -105,9 +105,10 @@ def measure_change(
         return np.bincount(unit[where], weights=weights[where], minlength=count).astype(np.float64)
 
     ones = np.ones(len(rows))
-    change = other.change_against(*_fallback(frame, effect, rows, faults))
-    means, neighboured = _neighbours(frame, name, rows, layers)
-    detail = other.change_against(means, MASK_TRACED)
+    stands, code = _fallback(frame, effect, rows, faults)
+    change = other.change_against(stands, code)
+    filled, neighboured = _filled(frame, effect, rows, layers, stands, faults)
+    detail = other.change_against(filled, MASK_TRACED)
     drift = other.change_against(sample.earlier[traced], MASK_HISTORY) if age.any() else np.zeros(len(rows))
     fresh, aged = age == 0, age > 0
     # Where the effect does not apply, tracing the pixel changes nothing: that counts too.
@@ -167,12 +168,29 @@ def _fallback(frame: Frame, effect: RayEffect, rows: np.ndarray, faults: Faults)
     return values, MASK_FALLBACK
 
 
-def _neighbours(frame: Frame, name: str, rows: np.ndarray, layers: LayerSet) -> tuple[np.ndarray, np.ndarray]:
-    """Mean of traced neighbours (s, C) of `rows`, and whether there are any, (s,) bool."""
-    layer = layers.arrays[name]
+def _filled(
+    frame: Frame, effect: RayEffect, rows: np.ndarray, layers: LayerSet, stands: np.ndarray, faults: Faults
+) -> tuple[np.ndarray, np.ndarray]:
+    """What gaps at `rows` would be filled with, (s, C), and whether there are neighbours to fill them from, (s,) bool.
+
+    That is the mean of traced pixels of the same object two pixels away, with the detail that the fallback, `stands` (s, C) at
+    `rows`, has there (`refine_gaps`).
+    """
+    name, width, height = effect.writes.name, frame.view.width, frame.view.height
+    layer, object_id = layers.arrays[name], frame.surfaces.object_id
     means, found = np.empty((len(rows), layer.shape[1]), np.float32), np.empty(len(rows), np.uint8)
-    neighbour_values(
-        rows, frame.surfaces.object_id, layers.masks[name], MASK_TRACED, frame.view.width, frame.view.height, layer,
-        means, found,
-    )  # fmt: skip
-    return means, found != 0
+    neighbour_values(rows, object_id, layers.masks[name], MASK_TRACED, width, height, layer, means, found)
+    x, y = (rows % width)[:, None] + [2, -2, 0, 0], (rows // width)[:, None] + [0, 0, 2, -2]
+    inside = (x >= 0) & (y >= 0) & (x < width) & (y < height)
+    around = np.where(inside, y * width + x, rows[:, None]).astype(np.int32)
+    holds = inside & (layers.masks[name][around] == MASK_TRACED) & (object_id[around] == object_id[rows][:, None])
+    values = _fallback(frame, effect, around[holds], faults)[0]
+    there = np.zeros((*holds.shape, layer.shape[1]), np.float32)
+    there[holds] = values
+    number = np.maximum(holds.sum(axis=1), 1)[:, None]
+    own = layer[around]
+    low = np.where(holds[:, :, None], own, np.inf).min(axis=1)
+    high = np.where(holds[:, :, None], own, -np.inf).max(axis=1)
+    refined = means + stands - there.sum(axis=1) / number
+    refined = np.clip(refined, np.minimum(low, stands), np.maximum(high, stands))
+    return refined.astype(np.float32), found != 0

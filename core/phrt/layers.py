@@ -12,7 +12,7 @@ from phrt.faults import Faults
 from phrt.faults.declared import LAYERS
 from phrt.frame import MASK_FALLBACK, MASK_FILLED, MASK_HISTORY, MASK_NONE, MASK_TRACED, Decisions, Frame
 from phrt.interfaces.effect import Adds, RayEffect
-from phrt.kernels.layers import FILLED, MISSING, fill_gaps, scatter
+from phrt.kernels.layers import FILLED, MISSING, fill_gaps, refine_gaps, scatter
 from phrt.lightwise import OneLight
 from phrt.runs import merged
 from phrt.workers import Workers, chunks
@@ -70,13 +70,12 @@ def apply_fallbacks(
     for index, effect in enumerate(effects):
         mine = (units.effect == index) & (part < 1)
         begun = mine & ((part > 0) | (units.held > 0) & (not faults.is_off(effect)))
-        left = [_concerned(frame, effect, merged(work, index, np.flatnonzero(mine & ~begun)), faults)]
+        gone = _concerned(frame, effect, merged(work, index, np.flatnonzero(mine & ~begun)), faults)
+        if len(gone):
+            _fall_back(frame, effect, gone, layers, faults)
         for doubt in (False, True):
             pixels = merged(work, index, np.flatnonzero(begun & (few == doubt)))
-            left += _fill(frame, effect, _concerned(frame, effect, pixels, faults), layers, doubt)
-        pixels = np.concatenate(left)
-        if len(pixels):
-            _fall_back(frame, effect, np.ascontiguousarray(pixels), layers, faults)
+            _fill(frame, effect, _concerned(frame, effect, pixels, faults), layers, doubt, faults)
 
 
 def _concerned(frame: Frame, effect: RayEffect, pixels: np.ndarray, faults: Faults) -> np.ndarray:
@@ -87,38 +86,68 @@ def _concerned(frame: Frame, effect: RayEffect, pixels: np.ndarray, faults: Faul
     return pixels if applies is None else pixels[applies]
 
 
-def _fill(frame: Frame, effect: RayEffect, pixels: np.ndarray, layers: LayerSet, doubt: bool) -> list[np.ndarray]:
-    """Fill the gaps among `pixels` from neighbours that hold a value, of this frame or an earlier one; returns the pixels where
-    there are too few. doubt: of earlier values, too."""
+def _fill(frame: Frame, effect: RayEffect, pixels: np.ndarray, layers: LayerSet, doubt: bool, faults: Faults) -> None:
+    """Fill the gaps among `pixels` from neighbours that hold a value, of this frame or an earlier one; where there are too few, the
+    fallback shows. doubt: over earlier values that stand alone, too."""
     name = effect.writes.name
     layer, mask = layers.arrays[name], layers.masks[name]
     object_id, width, height = frame.surfaces.object_id, frame.view.width, frame.view.height
-    found = np.empty(len(pixels), np.uint8)
-
-    def fill(piece: slice) -> np.ndarray:
-        own = pixels[piece]
-        left = fill_gaps(own, object_id, mask, width, height, MASK_TRACED, MASK_HISTORY, doubt, layer, found[piece])
-        return own[found[piece] >= MISSING] if left else own[:0]
-
+    found, needed = np.empty(len(pixels), np.uint8), np.zeros(len(mask), np.uint8)
     pieces = chunks(len(pixels), CHUNK, frame.workers.threads)
-    missing = frame.workers.map(fill, pieces)
-    mask[pixels[found == FILLED]] = MASK_FILLED
-    return missing
+
+    def fill(piece: slice) -> int:
+        return int(
+            fill_gaps(
+                pixels[piece], object_id, mask, width, height, MASK_TRACED, MASK_HISTORY, doubt, layer, found[piece], needed
+            )
+        )  # fmt: skip
+
+    if not any(frame.workers.map(fill, pieces)):
+        return
+    filled, missing = pixels[found == FILLED], np.ascontiguousarray(pixels[found >= MISSING])
+    looked_up = np.ascontiguousarray(pixels[needed[pixels] != 0])
+    values = faults.fallback(effect, frame, looked_up)
+    if values is None:
+        mask[filled] = MASK_FILLED
+        _clear(effect, missing, layers)
+        return
+    stands = np.empty(layer.shape, np.float32)
+    _put(frame, looked_up, values, np.uint8(0), stands, needed)
+
+    def refine(piece: slice) -> None:
+        refine_gaps(
+            pixels[piece], found[piece], object_id, mask, width, height, MASK_TRACED, MASK_HISTORY, stands, layer
+        )  # fmt: skip
+
+    frame.workers.map(refine, pieces)
+    mask[filled] = MASK_FILLED
+    _put(frame, missing, stands[missing], np.uint8(MASK_FALLBACK), layer, mask)
 
 
 def _fall_back(frame: Frame, effect: RayEffect, pixels: np.ndarray, layers: LayerSet, faults: Faults) -> None:
-    """The effect's fallback at `pixels`; also over what stands there: too few values of an earlier frame, or what an effect traced
-    before it was switched off."""
+    """The effect's fallback at `pixels`; also over what it traced there before it was switched off."""
     name = effect.writes.name
-    layer, mask = layers.arrays[name], layers.masks[name]
-    values, code = faults.fallback(effect, frame, pixels), MASK_FALLBACK
+    values = faults.fallback(effect, frame, pixels)
     if values is None:
-        if not mask[pixels].any():
-            return
-        values, code = np.full((len(pixels), layer.shape[1]), effect.writes.clear, np.float32), MASK_NONE
+        _clear(effect, pixels, layers)
+    else:
+        _put(frame, pixels, values, np.uint8(MASK_FALLBACK), layers.arrays[name], layers.masks[name])
+
+
+def _clear(effect: RayEffect, pixels: np.ndarray, layers: LayerSet) -> None:
+    """The layer's clear value at `pixels`, where anything stands there."""
+    name = effect.writes.name
+    taken = pixels[layers.masks[name][pixels] != MASK_NONE]
+    layers.arrays[name][taken], layers.masks[name][taken] = effect.writes.clear, MASK_NONE
+
+
+def _put(
+    frame: Frame, pixels: np.ndarray, values: np.ndarray, code: np.uint8, layer: np.ndarray, mask: np.ndarray
+) -> None:
+    """layer[pixels] = values, mask[pixels] = code."""
     everywhere = np.ones(len(pixels), np.uint8)
 
     def put(piece: slice) -> None:
-        scatter(pixels[piece], values[piece], everywhere[piece], np.uint8(code), layer, mask)
+        scatter(pixels[piece], values[piece], everywhere[piece], code, layer, mask)
 
     frame.workers.map(put, chunks(len(pixels), CHUNK, frame.workers.threads))

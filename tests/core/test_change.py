@@ -19,6 +19,12 @@ from phrt.sample import learn_change
 
 SIZE = (48, 32)  # so few pixels that all are sampled
 EFFECTS = ("shadows", "reflections", "refractions")
+PLAIN = {
+    "shadows": {"fallback": "none"},
+    "reflections": {"fallback": "environment"},
+    "refractions": {"fallback": "alpha"},
+}
+"""Fallbacks that leave much to be changed."""
 
 
 class Only(Heuristic):
@@ -57,6 +63,7 @@ def room() -> Stage:
 def options(**more: Any) -> dict[str, Any]:
     settings: dict[str, Any] = {
         "size": SIZE, "gbuffer": "raycast", "threads": 2, "strict": True, "history": False, "budget": "100000000rays",
+        "effects": PLAIN,
     }  # fmt: skip
     return settings | more
 

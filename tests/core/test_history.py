@@ -189,8 +189,8 @@ def test_views_of_other_sizes_and_orthographic_ones_are_understood() -> None:
 def test_an_effect_that_fails_shows_its_fallback_and_nothing_of_before(monkeypatch: pytest.MonkeyPatch) -> None:
     from phrt_plugins.effects.shadows import Shadows
 
-    heuristic = TraceIn([0, 2])
-    with phrt.Renderer(yard(), size=SIZE, gbuffer="raycast", heuristic=heuristic) as renderer:
+    heuristic, effects = TraceIn([0, 2]), {"shadows": {"fallback": "none"}}
+    with phrt.Renderer(yard(), size=SIZE, gbuffer="raycast", heuristic=heuristic, effects=effects) as renderer:
         renderer.render()
         renderer.render()
 

@@ -90,12 +90,13 @@ def test_all_effects_together() -> None:
 
 
 def test_an_item_traced_in_part_is_partly_traced_all_over() -> None:
-    frame = render({(FLOOR, "shadows"): 1})
+    frame = render({(FLOOR, "shadows"): 1}, effects={"shadows": {"fallback": "none"}})
     assert kinds_of(frame, FLOOR, "shadows") == {PARTLY}, "gaps that were filled are part of it"
 
 
 def test_a_fallback_that_leaves_no_mark_is_seen_as_skipped() -> None:
-    assert kinds_of(render({}), FLOOR, "shadows") == {SKIPPED}
+    unmarked = render({}, effects={"shadows": {"fallback": "none"}})
+    assert kinds_of(unmarked, FLOOR, "shadows") == {SKIPPED}
     marked = render({}, effects={"shadows": {"fallback": "shadow_map"}})
     assert MASK_FALLBACK in marked.masks["visibility"]
     assert kinds_of(marked, FLOOR, "shadows") == {SKIPPED}

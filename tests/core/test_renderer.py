@@ -105,12 +105,16 @@ def test_a_frame_that_is_kept_is_not_overwritten_by_the_next() -> None:
 
 
 def test_raster_only_traces_nothing_and_looks_different() -> None:
-    with renderer(room()) as all_trace, renderer(room(), heuristic="raster_only") as raster_only:
+    fallbacks = {"shadows": {"fallback": "none"}, "reflections": {"fallback": "environment"}}
+    with (
+        renderer(room()) as all_trace,
+        renderer(room(), heuristic="raster_only", effects=fallbacks) as raster_only,
+    ):
         full, plain = all_trace.render(), raster_only.render()
     assert full.decisions.chosen.all()
     assert not plain.decisions.chosen.any()
     assert sum(count for name, count in plain.rays.items() if name != "primary") == 0
-    assert np.abs(full.image - plain.image).mean() > 0.01
+    assert np.abs(full.image - plain.image).mean() > 0.005
     np.testing.assert_array_equal(full.gbuffer.object_id, plain.gbuffer.object_id)
 
 
@@ -173,7 +177,7 @@ def test_a_quarter_of_the_rays_gives_a_coarser_picture_without_stripes_or_holes(
         np.testing.assert_array_equal(quarter.layers[name][traced], whole.layers[name][traced])
     assert quarter.rays["shadows"] < 0.3 * whole.rays["shadows"]
     plain = image(room(), heuristic="raster_only")
-    assert np.abs(quarter.image - whole.image).mean() < 0.7 * np.abs(plain - whole.image).mean()
+    assert np.abs(quarter.image - whole.image).mean() < 0.8 * np.abs(plain - whole.image).mean()
 
 
 def test_candidates_are_the_visible_objects_with_the_effects_that_change_them() -> None:
@@ -233,7 +237,9 @@ def test_probes_and_shadow_maps_are_made_again_when_something_moved() -> None:
     with renderer(room(), heuristic="raster_only", effects=fallbacks) as made:
         made.render()
         made.move("/box", at(0.4, 0.6, 1.0))
-        frame = made.render()
+        # A probe a frame.
+        for _ in range(4):
+            frame = made.render()
     np.testing.assert_allclose(frame.image, image(moved_scene, heuristic="raster_only", effects=fallbacks), atol=1e-5)
 
 

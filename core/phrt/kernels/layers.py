@@ -38,19 +38,20 @@ def scatter(pixels, values, traced, code, layer, mask):
 KEPT, FILLED, MISSING, LONELY = 0, 1, 2, 3
 """What `fill_gaps` made of a pixel: it holds a value; its gap is filled; there is none to fill it with; its value, of an earlier
 frame, is one of too few."""
-ENOUGH = 8
-"""Values around a pixel stand for it where there is one to so many pixels of its object: half of a pass."""
+ENOUGH = 9
+"""Values around a pixel stand for it where there is one to so many pixels of its object: half of a pass, and the corner of one."""
 PLENTY = 3
 """Values next to a pixel that are enough without counting further: at a quarter of the pixels, half of the gaps have four."""
 
 
 @kernel
-def fill_gaps(pixels, object_id, mask, width, height, traced_code, history_code, doubt, layer, found):
+def fill_gaps(pixels, object_id, mask, width, height, traced_code, history_code, doubt, layer, found, needed):
     """Gaps of items that hold values at some pixels take the mean of the nearest ones of their object, within two pixels.
 
     pixels (n,) are the items'; found (n,) uint8 gets KEPT, FILLED, MISSING or LONELY. A pixel holds a value where its mask is
     `traced_code` or `history_code`. The mask itself is not changed, so that threads do not see each other's work. doubt: may
-    earlier values be LONELY? Looking takes time. Returns how many are MISSING or LONELY.
+    earlier values be LONELY? Looking takes time. needed (P,) uint8 is set to 1 at all pixels that are not KEPT, and at those whose
+    values were taken. Returns how many are not KEPT.
 
     A partial item is a coarser effect, not stripes, and not dots: where values are few, they are left of an earlier frame, and
     blocks of them beside what stands in elsewhere would be seen before anything that they show.
@@ -91,6 +92,7 @@ def fill_gaps(pixels, object_id, mask, width, height, traced_code, history_code,
                         holders += mask[other] == traced_code or mask[other] == history_code
             if holders * ENOUGH < same:
                 found[i] = LONELY if code == history_code else MISSING
+                needed[row] = 1
                 left += 1
                 continue
         if code == history_code:
@@ -106,13 +108,55 @@ def fill_gaps(pixels, object_id, mask, width, height, traced_code, history_code,
                 other = row + dy * width + dx
                 holds = mask[other] == traced_code or mask[other] == history_code
                 if holds and object_id[other] == own:
+                    needed[other] = 1
                     for k in range(components):
                         layer[row, k] += layer[other, k]
         scale = f32(1.0) / f32(number)
         for k in range(components):
             layer[row, k] *= scale
         found[i] = FILLED
+        needed[row] = 1
+        left += 1
     return left
+
+
+@kernel
+def refine_gaps(pixels, found, object_id, mask, width, height, traced_code, history_code, fallback, layer):
+    """Pixels that `fill_gaps` FILLED get the detail that the fallback has there: what it has more, or less, than at the pixels
+    whose values were taken; but nothing beyond these values and the fallback itself.
+
+    pixels, found (n,); fallback (P, C), right at all pixels that `fill_gaps` called needed. A shadow's edge that a map knows stays
+    sharp, and where the fallback is smooth nothing changes (Kopf et al. 2007 interpolate with a guide to the same end).
+    """
+    components = layer.shape[1]
+    mean = np.empty(components, np.float32)
+    low, high = np.empty(components, np.float32), np.empty(components, np.float32)
+    for i in range(len(pixels)):
+        if found[i] != FILLED:
+            continue
+        row = pixels[i]
+        x, y, own = row % width, row // width, object_id[row]
+        number = 0
+        for reach in range(1, 3):
+            for dy in range(-reach, reach + 1):
+                for dx in range(-reach, reach + 1):
+                    if x + dx < 0 or y + dy < 0 or x + dx >= width or y + dy >= height:
+                        continue
+                    other = row + dy * width + dx
+                    holds = mask[other] == traced_code or mask[other] == history_code
+                    if holds and object_id[other] == own:
+                        for k in range(components):
+                            value, stands = layer[other, k], fallback[other, k]
+                            mean[k] = stands if number == 0 else mean[k] + stands
+                            low[k] = value if number == 0 else min(low[k], value)
+                            high[k] = value if number == 0 else max(high[k], value)
+                        number += 1
+            if number:
+                break
+        for k in range(components):
+            stands = fallback[row, k]
+            value = layer[row, k] + stands - mean[k] / f32(max(number, 1))
+            layer[row, k] = min(max(value, min(low[k], stands)), max(high[k], stands))
 
 
 @kernel

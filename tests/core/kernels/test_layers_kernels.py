@@ -61,7 +61,7 @@ def fill_twin(pixels: np.ndarray, ids: np.ndarray, mask: np.ndarray, layer: np.n
             if 0 <= y + dy - 2 < HEIGHT and 0 <= x + dx - 2 < WIDTH and ids[other] == ids[row]:
                 rings[max(abs(dy - 2), abs(dx - 2))].append(other)
         good = [[k for k in ring if mask[k] in (2, 4)] for ring in rings]
-        enough = len(good[1]) >= 3 or 8 * sum(map(len, good)) >= sum(map(len, rings))
+        enough = len(good[1]) >= 3 or 9 * sum(map(len, good)) >= sum(map(len, rings))
         if mask[row] == 2 or (mask[row] == 4 and enough):
             made[row] = KEPT, layer[row]
         elif enough:
@@ -79,11 +79,11 @@ def test_gaps_take_the_mean_of_the_nearest_values_of_their_object_where_there_ar
     layer = rng.random((COUNT, 3)).astype(np.float32)
     pixels = rng.permutation(np.flatnonzero(ids <= 3)).astype(np.int32)
     expected, before, found = fill_twin(pixels, ids, mask, layer), layer.copy(), np.empty(len(pixels), np.uint8)
-    left = fill_gaps(pixels, ids, mask, WIDTH, HEIGHT, 2, 4, True, layer, found)
+    left = fill_gaps(pixels, ids, mask, WIDTH, HEIGHT, 2, 4, True, layer, found, np.zeros(len(mask), np.uint8))
     assert found.tolist() == [expected[row][0] for row in pixels.tolist()]
-    assert left == (found >= MISSING).sum()
+    assert left == (found != KEPT).sum()
     trusting = np.empty(len(pixels), np.uint8)
-    fill_gaps(pixels, ids, mask, WIDTH, HEIGHT, 2, 4, False, before.copy(), trusting)
+    fill_gaps(pixels, ids, mask, WIDTH, HEIGHT, 2, 4, False, before.copy(), trusting, np.zeros(COUNT, np.uint8))
     np.testing.assert_array_equal(trusting, np.where(found == LONELY, KEPT, found))
     for row, (_, value) in expected.items():
         np.testing.assert_allclose(layer[row], value, rtol=1e-5)
@@ -99,10 +99,10 @@ def test_one_pass_fills_a_surface_and_single_values_do_not() -> None:
     ids, pixels, found = np.ones(COUNT, np.uint32), np.arange(COUNT, dtype=np.int32), np.empty(COUNT, np.uint8)
     layer = np.ones((COUNT, 1), np.float32)
     mask = np.where((x % 2 == 0) & (y % 2 == 0), 4, 0).astype(np.uint8)
-    assert fill_gaps(pixels, ids, mask, WIDTH, HEIGHT, 2, 4, True, layer, found) == 0
-    assert (found == FILLED).mean() > 0.7
+    fill_gaps(pixels, ids, mask, WIDTH, HEIGHT, 2, 4, True, layer, found, np.zeros(COUNT, np.uint8))
+    np.testing.assert_array_equal(found, np.where(mask == 4, KEPT, FILLED))
     mask = np.where((x % 8 == 4) & (y % 8 == 4), 4, 0).astype(np.uint8)
-    assert fill_gaps(pixels, ids, mask, WIDTH, HEIGHT, 2, 4, True, layer, found) == COUNT
+    assert fill_gaps(pixels, ids, mask, WIDTH, HEIGHT, 2, 4, True, layer, found, np.zeros(len(mask), np.uint8)) == COUNT
     np.testing.assert_array_equal(found == LONELY, mask == 4)
 
 
@@ -129,7 +129,22 @@ def test_mark_targets_starts_paths_at_the_eyes_distance(is_point: bool) -> None:
 def test_gaps_that_hold_an_earlier_value_keep_it_and_help_to_fill_others() -> None:
     layer, mask, found = np.zeros((4, 1), np.float32), np.array([2, 4, 0, 2], np.uint8), np.empty(4, np.uint8)
     layer[:, 0] = [1, 7, 0, 3]
-    assert fill_gaps(np.arange(4, dtype=np.int32), np.ones(4, np.uint32), mask, 4, 1, 2, 4, True, layer, found) == 0
+    assert (
+        fill_gaps(
+            np.arange(4, dtype=np.int32),
+            np.ones(4, np.uint32),
+            mask,
+            4,
+            1,
+            2,
+            4,
+            True,
+            layer,
+            found,
+            np.zeros(len(mask), np.uint8),
+        )
+        == 1
+    )
     assert layer[:, 0].tolist() == [1, 7, 5, 3]
     assert found.tolist() == [KEPT, KEPT, FILLED, KEPT]
 
