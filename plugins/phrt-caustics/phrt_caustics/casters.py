@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from phrt.lights import RECT
 from phrt.materials import ALPHA_BLEND, NO_TEXTURE
 from phrt.world import World
 
@@ -31,13 +30,6 @@ def throwing_lights(world: World) -> np.ndarray:
     lights = world.lights
     bright = (lights["color"] > 0).any(axis=1)
     return np.flatnonzero((lights["casts_shadow"] != 0) & bright)
-
-
-def has_extended_lights(world: World) -> bool:
-    """Does any of them shine from more than one point, or in more than one direction?"""
-    lights = world.lights[throwing_lights(world)]
-    wide = (lights["kind"] == RECT) | (lights["radius"] > 0) | (lights["tan_half_angle"] > 0)
-    return bool(wide.any())
 
 
 def caster_triangles(world: World, cutoff: float) -> np.ndarray:

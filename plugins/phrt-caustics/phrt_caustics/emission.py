@@ -2,19 +2,48 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from phrt.lights import DIRECTIONAL
 from phrt.world import World
 from phrt_caustics.casters import caster_triangles, throwing_lights
-from phrt_caustics.kernels.emission import CELLS, emit, mark_cells
+from phrt_caustics.kernels.emission import BITS, CELLS, emit, lattice, mark_cells
 
 BATCH = 4096
 """Photons that are traced together."""
 PILOTS = 512
 """Photons that say how much of a light's power meets casters."""
+FIBONACCI = (
+    1,
+    1,
+    2,
+    3,
+    5,
+    8,
+    13,
+    21,
+    34,
+    55,
+    89,
+    144,
+    233,
+    377,
+    610,
+    987,
+    1597,
+    2584,
+    4181,
+    6765,
+    10946,
+    17711,
+    28657,
+    46368,
+)
+FEWEST = 8
+"""Index of the smallest lattice that is even enough: 34 points."""
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 GAP = 1024
 """Numbers left out between the photons of two lights, so that none are neighbours."""
@@ -24,19 +53,23 @@ GAP = 1024
 class Beam:
     """The photons that one light sends to the casters: `count` of them, numbered from `first`.
 
-    cells (c,) int64, reach (CELLS,), origin, axes, side, back: as the kernels have them.
+    place (count, 2), share, reach (CELLS,), origin, axes, side, back: as the kernels have them.
     """
 
     light: int
     parallel: bool
-    cells: np.ndarray
     reach: np.ndarray
     origin: np.ndarray
     axes: np.ndarray
     side: float
     back: float
-    count: int = 0
+    place: np.ndarray
+    share: float
     first: int = 0
+
+    @property
+    def count(self) -> int:
+        return len(self.place)
 
 
 @dataclass(frozen=True)
@@ -54,17 +87,37 @@ def batches(world: World, photons: int, cutoff: float) -> list[Batch]:
     if not len(triangles):
         return []
     corners = world.positions[world.triangles[triangles]].astype(np.float64)
-    beams = [beam for light in throwing_lights(world) if len((beam := aimed(world, int(light), corners)).cells)]
-    power = np.array([luminous_power(world, beam) for beam in beams])
-    total = float(power.sum()) if beams else 0.0
+    pilots = [spread(aimed(world, int(light), corners), PILOTS) for light in throwing_lights(world)]
+    power = np.array([luminous_power(world, beam) for beam in pilots])
+    total = float(power.sum()) if pilots else 0.0
     made: list[Batch] = []
     number = 0
-    for beam, own in zip(beams, power, strict=True):
-        count = round(photons * own / total) if total > 0 else 0
-        sent = Beam(**{**vars(beam), "count": count, "first": number})
-        made += [Batch(sent, start, min(start + BATCH, count)) for start in range(0, count, BATCH)]
-        number += count + GAP
+    for pilot, own in zip(pilots, power, strict=True):
+        if own > 0:
+            beam = spread(replace(pilot, first=number), photons * float(own) / total)
+            made += [Batch(beam, start, min(start + BATCH, beam.count)) for start in range(0, beam.count, BATCH)]
+            number += beam.count + GAP
     return made
+
+
+def spread(beam: Beam, photons: float) -> Beam:
+    """`beam` with about so many photons, evenly over its marked cells; a tenth more or less."""
+    cells = np.flatnonzero(np.isfinite(beam.reach))
+    if not len(cells):
+        return beam
+    tile_bits, number = tiling(photons / len(cells))
+    points, step = FIBONACCI[number], FIBONACCI[number - 1]
+    tiles = np.unique(cells >> (2 * tile_bits))
+    place, code = np.empty((len(tiles) * points, 2)), np.empty(len(tiles) * points, np.int64)
+    count = lattice(tiles, tile_bits, points, step, beam.reach, place, code)
+    order = np.argsort(code[:count], kind="stable")
+    return replace(beam, place=place[:count][order], share=4.0**tile_bits / (points * CELLS))
+
+
+def tiling(density: float) -> tuple[int, int]:
+    """How large tiles of a lattice are, in bits of cells along a side, and which of FIBONACCI each has, for `density` a cell."""
+    choices = [(bits, number) for bits in range(BITS + 1) for number in range(FEWEST, len(FIBONACCI))]
+    return min(choices, key=lambda c: abs(math.log(FIBONACCI[c[1]] / 4.0 ** c[0] / density)))
 
 
 def aimed(world: World, light: int, corners: np.ndarray) -> Beam:
@@ -85,7 +138,7 @@ def aimed(world: World, light: int, corners: np.ndarray) -> Beam:
         axes, side = np.eye(3), 1.0
         origin = record["position"].astype(np.float64)
     mark_cells(corners, parallel, origin, axes, side, reach)
-    return Beam(light, parallel, np.flatnonzero(np.isfinite(reach)), reach, origin, axes, side, back)
+    return Beam(light, parallel, reach, origin, axes, side, back, np.empty((0, 2)), 0.0)
 
 
 def frame_along(direction: np.ndarray) -> np.ndarray:
@@ -98,7 +151,7 @@ def frame_along(direction: np.ndarray) -> np.ndarray:
 
 def luminous_power(world: World, beam: Beam) -> float:
     """Lumens that a beam takes to the casters, nearly."""
-    _, _, power = started(world, Beam(**{**vars(beam), "count": PILOTS}), 0, PILOTS)
+    _, _, power = started(world, beam, 0, beam.count)
     return float(power.sum(dtype=np.float64) * (world.lights["color"][beam.light] @ LUMINANCE))
 
 
@@ -108,7 +161,7 @@ def started(world: World, beam: Beam, start: int, stop: int) -> tuple[np.ndarray
     origin, direction = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
     power = np.empty(count, np.float32)
     emit(
-        world.lights, beam.light, beam.parallel, start, beam.count, beam.cells, beam.reach, beam.origin, beam.axes, beam.side,
-        beam.back, origin, direction, power,
+        world.lights, beam.light, beam.parallel, start, beam.share, beam.place[start:stop], beam.reach, beam.origin,
+        beam.axes, beam.side, beam.back, origin, direction, power,
     )  # fmt: skip
     return origin, direction, power

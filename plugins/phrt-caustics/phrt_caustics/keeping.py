@@ -14,7 +14,7 @@ import numpy as np
 
 from phrt.frame import Frame
 from phrt.world import World
-from phrt_caustics.casters import has_extended_lights, object_radii
+from phrt_caustics.casters import object_radii
 from phrt_caustics.emission import Batch, batches
 from phrt_caustics.kernels.photons import Landed
 from phrt_caustics.kernels.splat import Splats
@@ -31,8 +31,7 @@ def photon_count(options: CausticsOptions, frame: Frame, share: float = 1.0) -> 
 def finished(parts: list[Landed], world: World, options: CausticsOptions) -> Splats | None:
     """The splats of what landed, batch by batch."""
     landed = joined(parts)
-    extended = has_extended_lights(world)
-    radius = radii(landed, object_radii(world), options.smoothing, options.max_radius, extended=extended)
+    radius = radii(landed, object_radii(world), options.smoothing, options.max_radius)
     return splats_of(landed, radius)
 
 

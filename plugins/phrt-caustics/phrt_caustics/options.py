@@ -18,10 +18,10 @@ class CausticsOptions(Options):
         0.3, ge=0.0, le=1.0, description="rougher glass and metal gathers no light worth following"
     )
     smoothing: float = Field(
-        2.5,
+        2.8,
         ge=0.5,
         le=16.0,
-        description="radius of a photon's splat, in distances to its neighbours",
+        description="radius of a photon's splat, in distances between photons where it lies",
         json_schema_extra={"unit": "distances"},
     )
     max_radius: float | None = Field(

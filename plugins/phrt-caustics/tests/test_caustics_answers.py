@@ -24,6 +24,7 @@ from caustics_kit import (
 )
 from phrt_caustics.casters import object_radii
 from phrt_caustics.emission import started
+from phrt_caustics.options import CausticsOptions
 from phrt_caustics.splat import radii
 
 from phrt.model import Light, Material
@@ -60,7 +61,7 @@ def test_a_mirrored_light_lights_the_ground_as_the_inverse_square_says(share: fl
             assert share * 0.999 < red < share * (1.001 if share == 1.0 else 1.2)
     inner = (slice(8, 56), slice(8, 56))
     assert np.std(found[inner][..., 1] / expected[inner]) < 0.1
-    assert found[inner][..., 1].mean() == pytest.approx(expected[inner].mean(), rel=0.005)
+    assert found[inner][..., 1].mean() == pytest.approx(expected[inner].mean(), rel=0.01)
 
 
 def test_the_range_of_a_light_counts_the_whole_way() -> None:
@@ -76,12 +77,11 @@ def test_the_range_of_a_light_counts_the_whole_way() -> None:
 
 @pytest.mark.parametrize("kind", ["sphere", "rect", "spot"])
 def test_lights_of_every_kind_are_mirrored(kind: str) -> None:
-    if kind == "sphere":
-        light, expected_intensity = Light("sphere", intensity=20.0, radius=0.2), 20.0
-    elif kind == "spot":
-        light, expected_intensity = Light("spot", intensity=20.0, inner_angle=1.2, outer_angle=1.3), 20.0
-    else:
-        light, expected_intensity = Light("rect", intensity=20.0 / 0.01, size=(0.1, 0.1)), None
+    light = {
+        "sphere": Light("sphere", intensity=20.0, radius=0.1),
+        "rect": Light("rect", intensity=20.0 / 0.01, size=(0.1, 0.1)),
+        "spot": Light("spot", intensity=20.0, inner_angle=1.2, outer_angle=1.3),
+    }[kind]
     world = beside_a_mirror(light)
     towards = at(1.0, 1.0)
     towards[:3, :3] = [[0, 0, 1], [0, 1, 0], [-1, 0, 0]]  # -Z becomes -X: it shines at the mirror
@@ -93,11 +93,11 @@ def test_lights_of_every_kind_are_mirrored(kind: str) -> None:
     found, _ = layer(world, above(), photons_per_pixel=30.0)
     x, z = places()
     expected = mirrored(x, z, 20.0)
-    if expected_intensity is None:
+    if kind == "rect":
         # A small Lambertian square: less light the further from its axis.
         expected *= (x + 3) / np.sqrt((x + 3) ** 2 + 1 + z**2)
-    patch = (slice(28, 36), slice(28, 36))
-    assert found[patch].mean() == pytest.approx(expected.reshape(64, 64)[patch].mean(), rel=0.04)
+    patch = (slice(16, 48), slice(16, 56))
+    assert found[patch].mean() == pytest.approx(expected.reshape(64, 64)[patch].mean(), rel=0.02)
 
 
 def test_a_ball_of_glass_bends_every_photon_as_snell_says() -> None:
@@ -159,7 +159,7 @@ def test_a_thin_wall_lets_light_pass_unbent() -> None:
 def test_what_is_splatted_is_the_flux_that_landed() -> None:
     world = glass_ball(1.5 * RADIUS)
     shot = Shot(world, 64 * 64)
-    radius = radii(shot.landed, object_radii(world), 2.5, None)
+    radius = radii(shot.landed, object_radii(world), CausticsOptions().smoothing, None)
     middle = np.abs(shot.landed.position[:, [0, 2]]).max(axis=1)
     inside, outside = middle + radius < WIDE, middle - radius > WIDE
     found, _ = layer(world, above(256), photons_per_pixel=1 / 16)

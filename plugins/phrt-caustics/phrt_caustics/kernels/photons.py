@@ -214,7 +214,8 @@ def spans(order, landed, unit_span, smallest, largest, smoothing, span):
 
     order (n,) int64: the photons by trail and number. Photons of one trail and near numbers started next to each other and met
     the same things: where they landed says how wide one of them has become (a photon's differential, Schjoth et al. 2007, here by
-    differences). The median distance to the nearest of them in `order`, times smoothing, within smallest and largest (n,) metres.
+    differences). The distance that a third of those next to it in `order` are within, times smoothing, no less than smallest and no
+    more than largest (n,) metres.
     """
     position, normal, trail, number = landed.position, landed.normal, landed.trail, landed.number
     near = np.empty(2 * unit_span, np.float32)
@@ -241,5 +242,5 @@ def spans(order, landed, unit_span, smallest, largest, smoothing, span):
                 place -= 1
             near[place] = here
             found += 1
-        wide = near[found // 2] * smoothing if found > 2 else largest[i]
+        wide = near[found // 3] * smoothing if found > 2 else largest[i]
         span[i] = min(max(wide, smallest[i]), largest[i])
