@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from phrt.errors import PhrtError
 from phrt.faults.fault import CAUGHT, PluginFailure, failure
@@ -33,7 +34,9 @@ class Backends:
             self.traces_primary = bool(needs_tracer)
             self.tracer: Tracer = make("tracer", tracer)
             self._open.append(("tracer", self.tracer))
-            given = {"tracer": GuardedTracer(self.tracer, world), "workers": workers} if needs_tracer else {}
+            given: dict[str, Any] = {}
+            if needs_tracer:
+                given = {"tracer": GuardedTracer(self.tracer, world), "workers": workers}
             made: GBufferProducer = make("gbuffer", gbuffer, **given)
             # It may hold on to the tracer, so it is closed first.
             self._open.insert(0, ("gbuffer", made))
@@ -64,7 +67,7 @@ class Backends:
 
     def close(self) -> list[tuple[str, Tracer | GBufferProducer, BaseException]]:
         """Close both; those that failed in it, with the error."""
-        failed = []
+        failed: list[tuple[str, Tracer | GBufferProducer, BaseException]] = []
         for kind, plugin in self._open:
             try:
                 plugin.close()

@@ -70,7 +70,7 @@ class GuardedTracer(Tracer):
         if wrong := impossible_hits(checked.distance, checked.primitive, checked.barycentric, self._triangles):
             raise Nonsense(
                 f"{wrong} of {count} hits that cannot be",
-                f"one of {self._triangles} triangles at a finite distance, or none at +inf",
+                f"one of {self._triangles} triangles at a distance, or none at +inf",
             )
         return checked
 

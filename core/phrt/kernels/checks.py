@@ -23,13 +23,14 @@ def all_finite(values):
 
 @kernel
 def impossible_hits(distance, primitive, barycentric, triangles):
-    """How many of n hits are none: a triangle that is not one of `triangles`, a distance that is not 0 or more and finite, weights
-    that are not finite, or a miss that is not at +inf. distance (n,), primitive (n,), barycentric (n, 2) as of a HitBatch."""
+    """How many of n hits are none: a triangle that is not one of `triangles`, a distance that is not 0 or more (+inf is that of a
+    hit beyond what float32 holds), weights that are not finite, or a miss that is not at +inf. distance (n,), primitive (n,),
+    barycentric (n, 2) as of a HitBatch."""
     wrong = 0
     for i in range(len(distance)):
         t, p = distance[i], primitive[i]
         u, v = abs(barycentric[i, 0]), abs(barycentric[i, 1])
-        hit = (p < triangles) & (t >= np.float32(0)) & (t < INFINITE) & (u < INFINITE) & (v < INFINITE)
+        hit = (p < triangles) & (t >= np.float32(0)) & (u < INFINITE) & (v < INFINITE)
         miss = (p == MISS) & (t == INFINITE)
         wrong += not (hit | miss)
     return wrong
