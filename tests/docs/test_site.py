@@ -185,3 +185,12 @@ def test_nothing_of_a_page_is_left_as_markdown(site: Path) -> None:
         assert left.findall(article.partition("</article>")[0]) == [], (
             f"{page}: a list needs a blank line, and four spaces inside"
         )
+
+
+def test_every_public_module_is_in_the_python_reference(site: Path) -> None:
+    public = (PROJECT / "docs" / "plugins.md").read_text().partition("## What is public")[2]
+    rows = re.findall(r"^\| (`phrt.*?) \|", public, re.MULTILINE)
+    modules = set(re.findall(r"`(phrt[\w.]*\w)(?:\.\*)?`", "\n".join(rows))) - {"phrt", "phrt.errors"}
+    assert len(modules) > 10
+    found = "".join(path.read_text(encoding="utf-8") for path in (site / "reference" / "api").glob("*.html"))
+    assert [module for module in sorted(modules) if f'id="{module}' not in found] == []
