@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import needs
 import pytest
 from run_bench_kit import bench, cells, table, write_config
 
@@ -229,3 +230,20 @@ def test_the_code_of_a_notebook_s_class_is_what_it_does(monkeypatch: pytest.Monk
         assert len({defined(1, "None"), defined(2, "None"), defined(1, "self.most"), defined(1, "remaining")}) == 4
     finally:
         get_registry()._forget("__main__")
+
+
+def test_a_dask_worker_loads_them_too_and_again_when_they_were_changed(tmp_path: Path) -> None:
+    """One worker outlives both runs: it must not go on with what it imported for the first."""
+    distributed = needs.package("distributed")
+    config = write_config(
+        tmp_path, **{**SMALL, "heuristics": ["first"], "scenes": [SMALL["scenes"][0] | {"frames": "0:2"}]}
+    )
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        where = cluster.scheduler_address.replace("tcp://", "dask://")
+        for count in (1, 2):
+            first_plugin(tmp_path, count)
+            done = bench(config, tmp_path / f"run-{count}", "--executor", where)
+            assert done.code == 0, done.said
+            assert traced(cells(tmp_path / f"run-{count}")["first"]) == [count] * 2
