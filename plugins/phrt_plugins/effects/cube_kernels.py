@@ -87,9 +87,9 @@ def probe_lookup(rows, surfaces, materials, view, view_is_point, through, cubes,
                 dx, dy, dz = ior * tx - bend * ex, ior * ty - bend * ey, ior * tz - bend * ez
                 chord = twice * radius[surfaces.object_id[row]]
                 px, py, pz = px + tx * chord, py + ty * chord, pz + tz * chord
-                left_r = math.exp(-material.absorb_r * chord)
-                left_g = math.exp(-material.absorb_g * chord)
-                left_b = math.exp(-material.absorb_b * chord)
+                left_r = f32(math.exp(-material.absorb_r * chord))
+                left_g = f32(math.exp(-material.absorb_g * chord))
+                left_b = f32(math.exp(-material.absorb_b * chord))
         # Where the ray leaves the box decides what the probe is asked for.
         reach = f32(1e30)
         for axis in range(3):

@@ -51,6 +51,7 @@ class Probes:
         self._most_stale = max(STALE_TEXELS // (6 * size**2), 1)
         self._asked: np.ndarray | None = None
         self._matrix: np.ndarray | None = None
+        self._time = 0.0
         self._moved = False
         self._frame_index = -1
 

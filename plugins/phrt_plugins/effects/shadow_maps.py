@@ -151,6 +151,7 @@ class ShadowMaps:
         """
         if self._known is None:
             self.prepare(frame)
+        assert self._known is not None
         self._known.time = frame.time
         if frame.index != self._frame_index:
             self._frame_index, self._left = frame.index, self._most_stale
@@ -209,8 +210,8 @@ class ShadowMaps:
         for number in np.unique(picture).tolist():
             own = place[picture == number]
             for first in range(0, len(own), TILES_A_TASK):
-                texels = [tile_texels(int(p), self._across, self._size) for p in own[first : first + TILES_A_TASK]]
-                tasks.append((number // 6, number % 6, np.concatenate(texels)))
+                parts = [tile_texels(int(p), self._across, self._size) for p in own[first : first + TILES_A_TASK]]
+                tasks.append((number // 6, number % 6, np.concatenate(parts)))
         views = self._views
 
         def depths(task: tuple[int, int, np.ndarray]) -> np.ndarray:
