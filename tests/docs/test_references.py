@@ -9,7 +9,7 @@ from pathlib import Path
 PROJECT = Path(__file__).resolve().parents[2]
 PACKAGES = (
     "core/phrt", "backends/phrt_backends", "heuristics/phrt_heuristics", "plugins/phrt_plugins",
-    "plugins/phrt-saliency/phrt_saliency",
+    "plugins/phrt-saliency/phrt_saliency", "plugins/phrt-caustics/phrt_caustics",
 )  # fmt: skip
 CITATION = re.compile(r"\b([A-Z][a-zA-Z]+)(?:-[A-Z]\w+)?(?: et al\.| and [A-Z][\w-]+)?,? ((?:19|20)\d\d)\b(?!-)")
 NOT_NAMES = {"MIT", "SIGGRAPH", "Version", "Mesa", "GL", "DEM"}
