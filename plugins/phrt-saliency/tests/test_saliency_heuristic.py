@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -252,3 +253,11 @@ def test_its_manual_page_has_its_options_source_and_an_example() -> None:
     assert text.startswith("saliency: ")
     for part in ("Options: ", "Source: ", "Example::", "--heuristic saliency", *SaliencyOptions.model_fields):
         assert part in text
+
+
+def test_its_page_has_every_option_with_its_default() -> None:
+    page = (Path(__file__).resolve().parents[3] / "docs" / "packages" / "saliency.md").read_text()
+    for name, field in SaliencyOptions.model_fields.items():
+        row = next(line for line in page.splitlines() if line.startswith("| `") and f"`{name}`" in line.split(" | ")[0])
+        default = field.default
+        assert f"| {default:g}" in row if isinstance(default, float) else f"| {default}".lower() in row.lower(), name
