@@ -75,13 +75,13 @@ class RecordingTracer(Tracer):
 
 def record_queries(renderer: Renderer, at: float) -> list[Query]:
     """What the stage "rays" of the frame at `at` seconds asks of the tracer; primary rays are not among it."""
-    tracer = renderer.tracer
-    recorder = RecordingTracer(tracer)
-    renderer.tracer = recorder
+    run = renderer.run
+    tracer, recorder = run.tracer, RecordingTracer(run.tracer)
+    run.tracer = recorder
     try:
         renderer.render(at)
     finally:
-        renderer.tracer = tracer
+        run.tracer = tracer
     return recorder.queries
 
 

@@ -651,3 +651,36 @@ def step(made: phrt.Renderer, number: int) -> Any:
 def descriptor_fields() -> set[str]:
     """The fields of all descriptors."""
     return {each.name for kind in KINDS.values() for each in fields(kind)}
+
+
+# The table of docs/faults.md
+
+
+def happens(row: Row) -> str:
+    """What comes of a fault, in words."""
+    if row.member == "points":
+        return "effects that need it are switched off, and their pixels take the layer's clear value"
+    if row.kind == "tracer" and row.done == NO_RAYS:
+        return f"{NO_RAYS}; an error where the G-buffer is made of its rays and they fail"
+    return {
+        "start": "an error when it is asked for",
+        "frame": row.done.replace("clear value 0", "clear value") or "an error: there is no picture; finished frames stay",
+        "restart": row.done.replace("clear value 0", "clear value"),
+        "close": row.done,
+        "load": "an error that names the file",
+        "measure": "its columns are left out",
+        "command": "an error; the other commands are there",
+        "paths": "an error",
+    }[row.at]
+
+
+def table() -> str:
+    """All faults in Markdown: a line a member and what comes of it."""
+    lines = ["| plugin | what fails | how | what happens |", "| --- | --- | --- | --- |"]
+    found: dict[tuple[str, str, str], list[str]] = {}
+    for row in FAULTS:
+        found.setdefault((row.kind, row.member, happens(row)), []).append(row.what)
+    for (kind, member, text), ways in found.items():
+        call = member if member in ATTRIBUTES or kind == "command" else f"{member}()"
+        lines.append(f"| {kind} | `{call}` | {'; '.join(ways)} | {text} |")
+    return "\n".join(lines) + "\n"

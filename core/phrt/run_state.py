@@ -127,7 +127,7 @@ class RunState:
         self.experience = self._expected()
         self.costs = self._known_costs()
         self.faults = Faults(strict=terms.strict)
-        self.tracer = GuardedTracer(ground.tracer, world, self.faults)
+        self.tracer: Tracer = GuardedTracer(ground.tracer, world, self.faults)
         self.scheduler = BudgetScheduler(self.costs, self.experience, self.faults, terms.clock)
         self.allowance = Allowance(terms.clock, terms.reserve_ms, ground.aa)
         self.history = History(world, self.effects, ground.buffers) if terms.history else None

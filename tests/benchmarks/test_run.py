@@ -38,11 +38,11 @@ def test_recording_holds_every_ray_of_the_ray_phase_and_no_primary_ray(module, r
 
 def test_recording_leaves_renderer_and_picture_as_they_were(module, renderer):
     frames = module("frames")
-    tracer = renderer.tracer
+    tracer = renderer.run.tracer
     before = renderer.render(0.0, frame_index=0).image.copy()
     frames.record_queries(renderer, 0.0)
     frames.record_surfaces(renderer, 0.0)
-    assert renderer.tracer is tracer
+    assert renderer.run.tracer is tracer
     assert frames.raycast.surface is frames.surface
     assert np.array_equal(renderer.render(0.0, frame_index=0).image, before)
 

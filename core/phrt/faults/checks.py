@@ -12,23 +12,28 @@ from phrt.interfaces.effect import EffectResult, RayEffect
 from phrt.kernels.checks import all_finite
 
 
-def check_result(effect: RayEffect, frame: Frame, result: EffectResult, count: int) -> None:
-    """Raises Nonsense unless `result` is what `effect.trace` may return for `count` pixels."""
+def check_result(effect: RayEffect, frame: Frame, result: EffectResult, count: int, numbers: bool) -> None:
+    """Raises Nonsense unless `result` is what `effect.trace` may return for `count` pixels. numbers: are values looked at, too?"""
     if not isinstance(result, EffectResult):
         raise Nonsense(type(result).__name__, "an EffectResult")
     check_traced(result.traced, count)
-    check_values(effect, frame, result.values, count, result.traced)
+    check_values(effect, frame, result.values, count, numbers, result.traced)
     rays, shared = _whole(result.rays, "rays"), _whole(result.shared_rays, "shared rays")
     if not 0 <= shared <= rays:
         raise Nonsense(f"{rays} rays, {shared} of them shared", "0 or more, and of these no more than all")
 
 
 def check_values(
-    effect: RayEffect, frame: Frame, values: np.ndarray, count: int, traced: np.ndarray | None = None
+    effect: RayEffect,
+    frame: Frame,
+    values: np.ndarray,
+    count: int,
+    numbers: bool,
+    traced: np.ndarray | None = None,
 ) -> None:
-    """Raises Nonsense unless `values` are `count` finite values of the effect's layer; those that are not `traced` are not read."""
+    """Raises Nonsense unless `values` are `count` values of the effect's layer; with `numbers` finite where they are `traced`."""
     check_array("", values, (count, effect.writes.width(frame.world)), np.float32)
-    if not all_finite(np.ravel(values)):
+    if numbers and not all_finite(np.ravel(values)):
         wrong = ~np.isfinite(values).all(axis=1)
         wrong &= True if traced is None else traced != 0
         if wrong.any():

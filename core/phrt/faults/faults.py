@@ -16,6 +16,7 @@ from phrt.faults.fault import CAUGHT, Fault, PluginFailure, culprit, fault_of, r
 from phrt.frame import Frame
 from phrt.interfaces.effect import EffectResult, RayEffect
 from phrt.interfaces.heuristic import Heuristic
+from phrt.registry.origins import is_ours
 
 R = TypeVar("R")
 
@@ -147,7 +148,7 @@ class Faults:
             return None
         try:
             result = effect.trace(frame, pixels)
-            check_result(effect, frame, result, len(pixels))
+            check_result(effect, frame, result, len(pixels), self._looks_at(effect))
         except CAUGHT as error:
             self._lose_effect(effect, error)
             return None
@@ -171,7 +172,7 @@ class Faults:
         def fallback() -> np.ndarray | None:
             values = effect.fallback(frame, pixels)
             if values is not None:
-                check_values(effect, frame, values, len(pixels))
+                check_values(effect, frame, values, len(pixels), self._looks_at(effect))
             return values
 
         return self._fall_back(effect, "fallback()", fallback)
@@ -199,6 +200,10 @@ class Faults:
             clear = f"the layer's clear value {effect.writes.clear:g}"
             self._tell(effect, call, error, f"it is switched off, and its pixels take {clear}")
             return None
+
+    def _looks_at(self, effect: RayEffect) -> bool:
+        """Are the numbers that the effect returns looked at, too? Not of our own, unless `strict`."""
+        return self.strict or not is_ours(whole(effect))
 
     def _lose_effect(self, effect: RayEffect, error: BaseException) -> None:
         with self._lock:

@@ -1,4 +1,5 @@
-"""Checks: is what a plugin returned a number, and does it point at what is there? One pass, without a branch."""
+"""Checks: is what a plugin returned a number, and does it point at what is there? One pass without a branch, which becomes vector
+instructions; who is wrong is looked for only when somebody is."""
 
 from __future__ import annotations
 
@@ -22,24 +23,20 @@ def all_finite(values):
 
 
 @kernel
-def impossible_hits(distance, primitive, barycentric, triangles):
-    """How many of n hits are none: a triangle that is not one of `triangles`, a distance that is not 0 or more (+inf is that of a
-    hit beyond what float32 holds), weights that are not finite, or a miss that is not at +inf. distance (n,), primitive (n,),
-    barycentric (n, 2) as of a HitBatch."""
-    wrong = 0
+def hits_can_be(distance, primitive, triangles):
+    """Is each of n hits one of `triangles` at a distance of 0 or more (+inf beyond what float32 holds), or a miss at +inf?"""
+    wrong = np.uint32(0)
     for i in range(len(distance)):
         t, p = distance[i], primitive[i]
-        u, v = abs(barycentric[i, 0]), abs(barycentric[i, 1])
-        hit = (p < triangles) & (t >= np.float32(0)) & (u < INFINITE) & (v < INFINITE)
-        miss = (p == MISS) & (t == INFINITE)
-        wrong += not (hit | miss)
-    return wrong
+        near = not (t >= np.float32(0))
+        wrong |= np.uint32((p >= triangles) & (p != MISS)) | np.uint32(near) | np.uint32((p == MISS) & (t != INFINITE))
+    return wrong == 0
 
 
 @kernel
-def ids_beyond(ids, limit, none):
-    """How many of `ids` (n,) uint32 are larger than `limit`, `none` apart."""
-    wrong = 0
+def ids_within(ids, limit, none):
+    """Is each of `ids` (n,) uint32 `limit` at most, or `none`?"""
+    wrong = np.uint32(0)
     for i in range(len(ids)):
-        wrong += (ids[i] > limit) & (ids[i] != none)
-    return wrong
+        wrong |= np.uint32((ids[i] > limit) & (ids[i] != none))
+    return wrong == 0
