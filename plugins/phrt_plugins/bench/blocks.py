@@ -27,7 +27,7 @@ from phrt_plugins.metrics.measure import measure_shots
 
 
 class FaultError(Exception):
-    """A cell cannot go on. kind: "heuristic", "effect", "disk"."""
+    """A cell cannot go on. kind: of the plugin that failed, or "disk"."""
 
     def __init__(self, kind: str, reason: str) -> None:
         super().__init__(reason)
@@ -55,10 +55,11 @@ class Spent:
 
 @dataclass(frozen=True)
 class Judges:
-    """What judges pictures: metrics, and the references of a block."""
+    """What judges pictures: metrics, and the references of a block. strict: a metric that fails is an error."""
 
     metrics: Sequence[Metric]
     references: Mapping[int, ReferencePicture]
+    strict: bool = False
 
 
 def run_block(
@@ -78,7 +79,7 @@ def run_block(
         with spent.on("metrics"):
             found = shots(images, judges.references, judged, setup.tone_map, renderer.workers)
             displays: dict[int, np.ndarray] = {}
-            columns = measure_shots(judges.metrics, _keeping(found, displays))
+            columns = measure_shots(judges.metrics, _keeping(found, displays), strict=judges.strict)
             columns |= all_trace_errors(judges.references, displays)
         write_measures(part / "measures.parquet", judged, columns)
         shown = worth_a_look(setup.kept_pictures(), judged, columns)
@@ -135,11 +136,8 @@ def contained(renderer: Renderer) -> Iterator[Callable[..., None]]:
         warnings.simplefilter("always", PhrtWarning)
 
         def check(recorder: Recorder | None = None) -> None:
-            faults = renderer.run.faults
-            if faults.heuristic_is_off:
-                raise FaultError("heuristic", _last(told, "the heuristic failed"))
-            if any(faults.is_off(effect) for effect in renderer.effects):
-                raise FaultError("effect", _last(told, "an effect failed"))
+            if log := renderer.run.faults.log:
+                raise FaultError(log[0].kind, str(log[0]))
             if recorder is not None and recorder.failed is not None:
                 raise FaultError("disk", f"nothing more can be written: {recorder.failed}")
 
@@ -178,8 +176,3 @@ def _keeping(found: Any, displays: dict[int, np.ndarray]) -> Iterator[Any]:
     for shot in found:
         displays[shot.index] = shot.display
         yield shot
-
-
-def _last(told: Sequence[warnings.WarningMessage], otherwise: str) -> str:
-    """The last fault that was told."""
-    return next((str(w.message) for w in reversed(told) if "switched off" in str(w.message)), otherwise)

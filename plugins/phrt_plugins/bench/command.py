@@ -16,7 +16,7 @@ import typer
 from rich.table import Table
 
 from phrt.cli.console import DelayedProgress, print_table, say, terminal
-from phrt.cli.options import DebugOption, JsonOption, PluginOption, QuietOption
+from phrt.cli.options import DebugOption, JsonOption, PluginOption, QuietOption, StrictOption, check_plugins
 from phrt.errors import OptionError
 from phrt.registry.descriptors import Options
 
@@ -57,6 +57,7 @@ def bench(
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Change the config, as repeats=3. Repeatable."),
     ] = None,
+    strict: StrictOption = False,
     plugin: PluginOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
@@ -67,6 +68,7 @@ def bench(
         raise OptionError(f"--jobs is {jobs}, allowed: 1 to 1024")
     if retry_failed and not resume:
         raise OptionError("--retry-failed is for --resume, which was not given")
+    check_plugins(strict)
     if output is None and not dry_run:
         raise OptionError("nothing says where to: -o DIR, or --dry-run")
 
@@ -91,7 +93,7 @@ def bench(
     sources = [plugin_source(source, file.folder) for source in file.config.plugins]
     sources += [plugin_source(source, Path.cwd()) for source in terminal.plugins]
     metrics = None if file.config.metrics is None else tuple(file.config.metrics)
-    work = Work(str(output.absolute()), str(kept), metrics, tuple(dict.fromkeys(sources)))
+    work = Work(str(output.absolute()), str(kept), metrics, tuple(dict.fromkeys(sources)), strict=strict)
     outcome = run_bench(
         file, plan, work, resume=resume, retry_failed=retry_failed, executor=executor, jobs=jobs, estimate=estimate
     )

@@ -71,11 +71,11 @@ def run_bench(
             if not isinstance(executor, Executor):
                 made.close()
         outcome = Outcome([cell.id for cell in plan.cells], runner.failures, runner.problems, runner.time())
-        _sum_up(store, outcome)
+        _sum_up(store, outcome, work.strict)
     return outcome
 
 
-def _sum_up(store: Store, outcome: Outcome) -> None:
+def _sum_up(store: Store, outcome: Outcome, strict: bool) -> None:
     """Write the summary, and put the leaderboard and the verdict into `outcome`. What cannot be summed up is a problem of its own:
     everything that was rendered is there."""
     from phrt_plugins.bench.leaderboard import leaderboard, verdict
@@ -84,7 +84,7 @@ def _sum_up(store: Store, outcome: Outcome) -> None:
     from phrt_plugins.bench.tables import text
 
     try:
-        summarise(store.root)
+        summarise(store.root, strict=strict)
         boards = leaderboard(read_summary(store.root), BenchRun.read(store.root))
         outcome.leaderboard, outcome.verdict = text(boards), verdict(boards)
     except (PhrtError, OSError) as error:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from phrt.errors import InputError, PhrtWarning, PluginError
+from phrt.faults import PluginFailure
 from phrt.interfaces.metric import Metric
 from phrt.registry.manager import describe
 from phrt.renderer import Renderer
@@ -35,7 +36,7 @@ class Work:
     """What all tasks of a benchmark have in common; it can be sent to another process.
 
     root, cache: folders; metrics: names, None for all; plugins: modules and files to register; threads: where a setup does not say;
-    token: of this run, as long as the folder belongs to it
+    token: of this run, as long as the folder belongs to it; strict: a metric that fails fails the cell
     """
 
     root: str
@@ -44,6 +45,7 @@ class Work:
     plugins: tuple[str, ...] = ()
     threads: int | None = None
     token: str = ""
+    strict: bool = False
 
 
 @dataclass(frozen=True)
@@ -113,7 +115,7 @@ def _register(work: Work) -> None:
 
 def _metrics(work: Work) -> list[Metric]:
     if work.metrics not in _kept.metrics:
-        _kept.metrics[work.metrics] = make_metrics(work.metrics)
+        _kept.metrics[work.metrics] = make_metrics(work.metrics, strict=work.strict)
     return _kept.metrics[work.metrics]
 
 
@@ -156,7 +158,7 @@ def _reference(work: Work, task: Task, done: Done, spent: Spent) -> None:
         for name in RUN_FILES:
             (part / name).write_bytes((source / name).read_bytes())
         with spent.on("metrics"):
-            columns = measure_shots(_metrics(work), floor_shots(references, judged))
+            columns = measure_shots(_metrics(work), floor_shots(references, judged), strict=work.strict)
         write_measures(part / "measures.parquet", judged, columns)
         pictures: dict[str, Any] = {}
         for number in sorted(kept & set(judged)):
@@ -175,7 +177,7 @@ def _cells(work: Work, task: Task, done: Done, spent: Spent) -> None:
     ]
     if not waiting:
         return
-    judges = Judges(_metrics(work), _references(work, task, spent))
+    judges = Judges(_metrics(work), _references(work, task, spent), work.strict)
     for cell in waiting:
         if not store.belongs_to(work.token):
             # Our run ended, and another one took the folder over: what is left is its business.
@@ -208,7 +210,7 @@ def _oracle(work: Work, task: Task, done: Done, spent: Spent) -> None:
     frames = [(number, setup.path.time(number)) for number in block.judged(setup.judge_every)]
     with spent.on("oracle"):
         # Milliseconds of an item are those of the setup's clock.
-        renderer.restart(heuristic="all_trace", history=False, clock=new_clock(setup))
+        renderer.restart(heuristic="all_trace", history=False, clock=new_clock(setup), strict=True)
         budgets = oracle_budgets(store, task)
         write_oracle(
             store.root, setup.id, block.number, renderer, frames, budgets, camera=setup.camera, tone_map=setup.tone_map
@@ -253,6 +255,8 @@ def kind_of(error: BaseException, stage: str) -> str:
     """What kind of failure it is."""
     if isinstance(error, FaultError):
         return error.kind
+    if isinstance(error, PluginFailure):
+        return error.fault.kind
     if isinstance(error, PluginError):
         return "heuristic" if stage == "cells" else "plugin"
     if isinstance(error, InputError):
