@@ -66,7 +66,7 @@ class _Making:
         self._parts: list[Landed | None] = []
         self._next = self._left = 0
         self._changed = threading.Condition()
-        self._error: Exception | None = None
+        self._error: BaseException | None = None
         self._ready = False
         self._splats: Splats | None = None
 
@@ -80,7 +80,7 @@ class _Making:
         if not self._ready:
             try:
                 rays = self._help()
-            except Exception as error:
+            except BaseException as error:  # whatever it is, nobody may wait for ever
                 self._end(error)
                 raise
             with self._changed:
@@ -130,7 +130,7 @@ class _Making:
             self._splats = finished(parts, frame.world, self._options)
             self._end(None)
 
-    def _end(self, error: Exception | None) -> None:
+    def _end(self, error: BaseException | None) -> None:
         """Ready, or failed: everybody may go on. The frame, whose arrays are large, is let go."""
         with self._changed:
             self._error = self._error or error
