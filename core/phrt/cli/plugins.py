@@ -167,7 +167,7 @@ def describe_plugin(entry: RegisteredPlugin, defaults: Defaults) -> dict[str, An
 
 
 def manual_page(entry: RegisteredPlugin) -> str:
-    """The docstring on top of the plugin's file, read without importing it; empty when there is none."""
+    """The docstring on top of the plugin's file, read without importing it; empty when there is none, or it cannot be found out."""
     try:
         spec = importlib.util.find_spec(entry.plugin.factory.partition(":")[0])
         if spec is None or spec.origin is None or not spec.origin.endswith(".py"):

@@ -180,3 +180,21 @@ def test_a_plugin_before_the_command_can_bring_it(tmp_path: Path) -> None:
     finally:
         get_registry()._forget(str(plugin.resolve()))
     assert phrt("greet").code == 2
+
+
+@pytest.mark.parametrize("what", ["raise RuntimeError('no')", "raise SystemExit(3)", "this is no Python"])
+def test_a_package_that_cannot_be_imported_is_shown_without_its_page(
+    what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package = tmp_path / "package_that_breaks"
+    package.mkdir()
+    (package / "__init__.py").write_text(what)
+    (package / "tracer.py").write_text('"""Never read."""')
+    monkeypatch.syspath_prepend(tmp_path)
+    register(TracerPlugin("breaks", "Breaks.", "package_that_breaks.tracer:T"), owner="test_cli_plugins")
+    try:
+        done = phrt("plugins", "show", "breaks")
+        assert (done.code, "Never read" in done.printed) == (0, False)
+        assert "Options: none" in done.printed
+    finally:
+        get_registry()._forget("test_cli_plugins")
