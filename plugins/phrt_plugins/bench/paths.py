@@ -9,8 +9,9 @@ import numpy as np
 
 from phrt.camera import CameraView
 from phrt.errors import PluginError
+from phrt.faults.making import make
+from phrt.faults.tracer import path_traced
 from phrt.interfaces.tracer import Tracer
-from phrt.registry import get_registry
 from phrt.world import World
 from phrt_plugins.bench.config import PathTraced
 from phrt_plugins.bench.plan import PathReference
@@ -44,8 +45,7 @@ def path_tracing(reference: PathReference | None, samples: int | None = None) ->
         paths = reference.samples if samples is None else samples
 
         def picture(world: World, view: CameraView) -> np.ndarray:
-            image = tracer.render_paths(world, view, samples=paths, max_depth=reference.max_depth)
-            return _checked(image, reference.tracer, view)
+            return path_traced(tracer, world, view, samples=paths, max_depth=reference.max_depth)
 
         yield picture
 
@@ -53,7 +53,7 @@ def path_tracing(reference: PathReference | None, samples: int | None = None) ->
 @contextmanager
 def _opened(name: str) -> Iterator[Tracer]:
     """The tracer, which can path trace."""
-    tracer: Tracer = get_registry().create("tracer", name)
+    tracer: Tracer = make("tracer", name)
     try:
         if not tracer.capabilities.path_tracer:
             raise PluginError(
@@ -62,12 +62,3 @@ def _opened(name: str) -> Iterator[Tracer]:
         yield tracer
     finally:
         tracer.close()
-
-
-def _checked(image: np.ndarray, tracer: str, view: CameraView) -> np.ndarray:
-    """`image` as float32. Raises PluginError where it is no picture of `view`."""
-    wanted = (view.height, view.width, 3)
-    if np.shape(image) != wanted or not np.isfinite(image).all():
-        what = f"of shape {np.shape(image)}" if np.shape(image) != wanted else "with NaN or infinity in it"
-        raise PluginError(f"tracer '{tracer}' path traced a picture {what}; wanted {wanted}, finite")
-    return np.asarray(image, np.float32)
