@@ -19,7 +19,7 @@ from phrt.interfaces.effect import EffectResult, HistoryRule, LayerSpec, RayEffe
 from phrt.workers import chunks
 from phrt.world import World
 from phrt_caustics.casters import has_casters, receiver_materials
-from phrt_caustics.emission import batches
+from phrt_caustics.emission import Aims
 from phrt_caustics.keeping import PhotonKeeper, finished, photon_count
 from phrt_caustics.kernels.splat import Splats
 from phrt_caustics.options import CausticsOptions
@@ -40,7 +40,8 @@ class Caustics(RayEffect):
 
     def __init__(self, options: CausticsOptions) -> None:
         self._options = options
-        self._photons = PhotonKeeper(options)
+        self._aims = Aims(options.roughness_cutoff)
+        self._photons = PhotonKeeper(options, self._aims)
         self._coarse: Splats | None = None
         if options.history:
             self.history = HistoryRule(movers="any", lights=True)
@@ -61,7 +62,7 @@ class Caustics(RayEffect):
     def prepare_fallback(self, frame: Frame) -> None:
         if self._options.fallback == "coarse":
             depth, cutoff = self._options.max_depth, self._options.roughness_cutoff
-            made = batches(frame.world, photon_count(self._options, frame, COARSE), cutoff)
+            made = self._aims.batches(frame.world, photon_count(self._options, frame, COARSE))
             parts = frame.workers.map(lambda batch: trace_photons(frame, batch, depth, cutoff)[0], made)
             self._coarse = finished(parts, frame.world, self._options)
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import threading
+import weakref
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -83,21 +85,57 @@ class Batch:
 
 def batches(world: World, photons: int, cutoff: float) -> list[Batch]:
     """About `photons` photons of all lights, shared out by the power that meets casters. Empty where there are no casters."""
-    triangles = caster_triangles(world, cutoff)
+    return shared_out(world, pilots(world, caster_triangles(world, cutoff)), photons)
+
+
+class Aims:
+    """`batches`, whose directions are found anew only where lights or casters moved. Thread-safe."""
+
+    def __init__(self, cutoff: float) -> None:
+        self._cutoff = cutoff
+        self._lock = threading.Lock()
+        self._world: weakref.ref[World] | None = None
+        self._placed: tuple[bytes, bytes] = (b"", b"")
+        self._pilots: list[Beam] = []
+
+    def batches(self, world: World, photons: int) -> list[Batch]:
+        """About `photons` photons of all lights of `world` as it is now."""
+        with self._lock:
+            triangles = caster_triangles(world, self._cutoff)
+            casters = np.unique(world.triangle_object[triangles])
+            placed = (world.lights.tobytes(), world.object_matrix[casters].tobytes())
+            if self._world is None or self._world() is not world or placed != self._placed:
+                self._pilots = pilots(world, triangles)
+                self._world, self._placed = weakref.ref(world), placed
+            return shared_out(world, self._pilots, photons)
+
+
+def pilots(world: World, triangles: np.ndarray) -> list[Beam]:
+    """A few photons of every light to the casters' triangles (t,) int64."""
     if not len(triangles):
         return []
     corners = world.positions[world.triangles[triangles]].astype(np.float64)
-    pilots = [spread(aimed(world, int(light), corners), PILOTS) for light in throwing_lights(world)]
-    power = np.array([luminous_power(world, beam) for beam in pilots])
-    total = float(power.sum()) if pilots else 0.0
+    return [spread(aimed(world, int(light), corners), PILOTS) for light in throwing_lights(world)]
+
+
+def shared_out(world: World, beams: list[Beam], photons: int) -> list[Batch]:
+    """About `photons` photons of `beams`, by the power of each."""
+    power = [luminous_power(world, beam) for beam in beams]
+    total = sum(power)
     made: list[Batch] = []
     number = 0
-    for pilot, own in zip(pilots, power, strict=True):
+    for pilot, own in zip(beams, power, strict=True):
         if own > 0:
-            beam = spread(replace(pilot, first=number), photons * float(own) / total)
-            made += [Batch(beam, start, min(start + BATCH, beam.count)) for start in range(0, beam.count, BATCH)]
-            number += beam.count + GAP
+            sent = spread(replace(pilot, first=number, back=far_enough(world)), photons * own / total)
+            made += [Batch(sent, start, min(start + BATCH, sent.count)) for start in range(0, sent.count, BATCH)]
+            number += sent.count + GAP
     return made
+
+
+def far_enough(world: World) -> float:
+    """Metres from anything to where nothing is any more."""
+    low, high = world.bounds()
+    return float(np.linalg.norm(high - low)) + 1.0
 
 
 def spread(beam: Beam, photons: float) -> Beam:
@@ -123,8 +161,6 @@ def tiling(density: float) -> tuple[int, int]:
 def aimed(world: World, light: int, corners: np.ndarray) -> Beam:
     """The beam of `light` to the triangles corners (t, 3, 3), without photons yet."""
     record, reach = world.lights[light], np.full(CELLS, np.inf, np.float32)
-    low, high = world.bounds()
-    back = float(np.linalg.norm(high - low)) + 1.0
     parallel = bool(record["kind"] == DIRECTIONAL)
     if parallel:
         axes = frame_along(record["direction"].astype(np.float64))
@@ -138,7 +174,7 @@ def aimed(world: World, light: int, corners: np.ndarray) -> Beam:
         axes, side = np.eye(3), 1.0
         origin = record["position"].astype(np.float64)
     mark_cells(corners, parallel, origin, axes, side, reach)
-    return Beam(light, parallel, reach, origin, axes, side, back, np.empty((0, 2)), 0.0)
+    return Beam(light, parallel, reach, origin, axes, side, far_enough(world), np.empty((0, 2)), 0.0)
 
 
 def frame_along(direction: np.ndarray) -> np.ndarray:

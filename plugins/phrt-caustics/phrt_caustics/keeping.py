@@ -15,7 +15,7 @@ import numpy as np
 from phrt.frame import Frame
 from phrt.world import World
 from phrt_caustics.casters import object_radii
-from phrt_caustics.emission import Batch, batches
+from phrt_caustics.emission import Aims, Batch
 from phrt_caustics.kernels.photons import Landed
 from phrt_caustics.kernels.splat import Splats
 from phrt_caustics.options import CausticsOptions
@@ -58,8 +58,8 @@ class _State:
 class _Making:
     """A photon map in the making, by several threads; then its splats."""
 
-    def __init__(self, frame: Frame, photons: int, options: CausticsOptions) -> None:
-        self._options = options
+    def __init__(self, frame: Frame, photons: int, options: CausticsOptions, aims: Aims) -> None:
+        self._options, self._aims = options, aims
         self._frame: Frame | None = frame
         self._photons = photons
         self._batches: list[Batch] | None = None
@@ -113,7 +113,7 @@ class _Making:
             if self._ready or frame is None:
                 return None
             if self._batches is None:
-                self._batches = batches(frame.world, self._photons, self._options.roughness_cutoff)
+                self._batches = self._aims.batches(frame.world, self._photons)
                 self._parts = [None] * len(self._batches)
                 self._left = len(self._batches)
                 if not self._batches:
@@ -145,8 +145,8 @@ class PhotonKeeper:
     whatever was rendered before it.
     """
 
-    def __init__(self, options: CausticsOptions) -> None:
-        self._options = options
+    def __init__(self, options: CausticsOptions, aims: Aims) -> None:
+        self._options, self._aims = options, aims
         self._lock = threading.Lock()
         self._latest: weakref.ref[Frame] | None = None
         self._state: _State | None = None
@@ -169,6 +169,6 @@ class PhotonKeeper:
             state = _State.of(frame, photons)
             kept = self._state is not None and self._state.same_as(state)
             if self._making is None or self._making.failed or not kept:
-                self._making = _Making(frame, photons, self._options)
+                self._making = _Making(frame, photons, self._options, self._aims)
             self._latest, self._state = weakref.ref(frame), state
             return self._making

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from caustics_kit import MATERIALS, RADIUS, flat
 from phrt_caustics.casters import caster_triangles
-from phrt_caustics.emission import FIBONACCI, aimed, spread, started, tiling
+from phrt_caustics.emission import FIBONACCI, Aims, aimed, batches, spread, started, tiling
 from phrt_caustics.kernels.emission import CELLS, SIDE, cell_at, interleaved, parted, sphere_to_square, square_to_sphere
 from phrt_caustics.kernels.photons import Landed
 from phrt_caustics.kernels.splat import SAME_SIDE, THICKNESS, collect, crowd
@@ -128,6 +128,24 @@ def test_photons_of_extended_lights_carry_the_same_power_to_the_same_place() -> 
             totals.append(float(power.sum()))
         assert totals[1] == pytest.approx(totals[0], rel=0.03)
         assert np.ptp(origin, axis=0).max() > 0.1 or np.ptp(direction, axis=0).max() > 0.05
+
+
+def test_directions_are_found_anew_when_lights_or_casters_moved() -> None:
+    world, aims = lit_by(Light("directional"), at()), Aims(0.3)
+    first = aims.batches(world, 500)
+    assert aims.batches(world, 500)[0].beam.reach is first[0].beam.reach
+    world.set_object_matrix(1, at(y=-9.0))  # the ground, which throws nothing
+    world.advance(0.0)
+    again = aims.batches(world, 500)[0].beam
+    assert again.reach is first[0].beam.reach
+    assert again.back > first[0].beam.back  # further off than anything
+    world.set_object_matrix(2, at(y=1.5))
+    world.advance(0.0)
+    moved = aims.batches(world, 500)
+    assert moved[0].beam.reach is not first[0].beam.reach
+    fresh = batches(world, 500, 0.3)
+    assert np.array_equal(moved[0].beam.place, fresh[0].beam.place)
+    assert np.array_equal(moved[0].beam.reach, fresh[0].beam.reach)
 
 
 def test_a_pixel_finds_every_splat_over_it_once() -> None:
