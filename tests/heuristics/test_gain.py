@@ -270,9 +270,8 @@ def test_what_filling_leaves_is_what_straight_edges_leave(after: int) -> None:
             ((x - size / 2) * np.cos(angle) + (y - size / 2) * np.sin(angle) > shift).astype(np.float32).reshape(-1, 1)
         )
         layer, mask = lit * (place < after)[:, None], np.where(place < after, MASK_TRACED, 0).astype(np.uint8)
-        fill_gaps(
-            pixels, one, mask, size, size, MASK_TRACED, MASK_HISTORY, True, layer, np.empty(len(pixels), np.uint8)
-        )
+        found, needed = np.zeros((2, len(pixels)), np.uint8)
+        fill_gaps(pixels, one, mask, size, size, MASK_TRACED, MASK_HISTORY, True, layer, found, needed)
         left += float(np.abs(layer - lit).mean())
         means, found = np.empty((len(firsts), 1), np.float32), np.empty(len(firsts), np.uint8)
         neighbour_values(firsts, one, whole, MASK_TRACED, size, size, lit, means, found)

@@ -18,6 +18,7 @@ from phrt.kernels.layers import (
     mark_targets,
     pass_numbers,
     place_by_object,
+    refine_gaps,
     scatter,
     select_pixels,
 )
@@ -104,6 +105,38 @@ def test_one_pass_fills_a_surface_and_single_values_do_not() -> None:
     mask = np.where((x % 8 == 4) & (y % 8 == 4), 4, 0).astype(np.uint8)
     assert fill_gaps(pixels, ids, mask, WIDTH, HEIGHT, 2, 4, True, layer, found, np.zeros(len(mask), np.uint8)) == COUNT
     np.testing.assert_array_equal(found == LONELY, mask == 4)
+
+
+def refined(truth: np.ndarray, fallback: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A picture of which a quarter is traced, filled and refined; and what it was before that."""
+    y, x = np.divmod(np.arange(COUNT), WIDTH)
+    ids, pixels = np.ones(COUNT, np.uint32), np.arange(COUNT, dtype=np.int32)
+    mask = np.where((x % 2 == 0) & (y % 2 == 0), 2, 0).astype(np.uint8)
+    layer = np.where((mask == 2)[:, None], truth, 0).astype(np.float32)
+    found, needed = np.empty(COUNT, np.uint8), np.zeros(COUNT, np.uint8)
+    fill_gaps(pixels, ids, mask, WIDTH, HEIGHT, 2, 4, True, layer, found, needed)
+    assert needed.all()
+    before = layer.copy()
+    refine_gaps(pixels, found, ids, mask, WIDTH, HEIGHT, 2, 4, fallback.astype(np.float32), layer)
+    return layer, before
+
+
+def test_filled_gaps_keep_what_the_fallback_knows() -> None:
+    rng = np.random.default_rng(5)
+    truth = (rng.random((COUNT, 2)) < 0.3).astype(np.float32)
+    exact, _ = refined(truth, truth)
+    np.testing.assert_allclose(exact, truth, atol=1e-6)
+    constant, before = refined(truth, np.full((COUNT, 2), 0.7))
+    np.testing.assert_allclose(constant, before, atol=1e-6)
+
+
+def test_filled_gaps_stay_among_the_values_around_and_the_fallback() -> None:
+    rng = np.random.default_rng(6)
+    truth, fallback = rng.uniform(0.2, 0.6, (COUNT, 1)), rng.uniform(0.0, 3.0, (COUNT, 1))
+    layer, before = refined(truth, fallback)
+    assert layer.min() >= 0.0
+    assert (layer <= np.maximum(0.6, fallback) + 1e-6).all()
+    assert np.abs(layer - before).max() > 0.1
 
 
 def test_scatter_writes_only_what_was_traced() -> None:
