@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from phrt_saliency.levels import SMALL_PIXELS, STALE, Levels, errors_left, steps_of
+from phrt_saliency.levels import SMALL_PIXELS, STALE, Levels, errors_left, falling, steps_of
 
 from phrt.interfaces.heuristic import PASSES
 from phrt.testing.candidates import candidates
@@ -77,3 +77,8 @@ def test_steps_are_whole_items_and_never_rise_in_worth_per_cost(seed: int, count
         assert passes[mine].sum() == PASSES
         assert cost[mine].sum() == pytest.approx(float(work.predicted_cost[number]), rel=1e-5)
         assert (np.diff(value[mine]) <= 0).all()
+
+
+@given(st.lists(st.sampled_from([0.0, 1e-30, 0.5, 0.75, 3.0, 1e30]), max_size=40))
+def test_falling_order_is_that_of_a_stable_sort(values: list[float]) -> None:
+    assert falling(np.array(values)).tolist() == np.argsort(-np.array(values), kind="stable").tolist()
