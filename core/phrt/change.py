@@ -7,7 +7,8 @@ Three things may have stood there:
 
 - the effect's own fallback: `change`;
 - the value of an earlier frame, where there was one: `drift`, over its age in frames;
-- what a gap is filled with, the mean of traced neighbours: `detail`. It says what a higher density of rays is good for.
+- what a gap is filled with, the mean of traced neighbours with the fallback's detail: `detail`. It says what a higher density of
+  rays is good for.
 """
 
 from __future__ import annotations

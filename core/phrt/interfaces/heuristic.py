@@ -54,8 +54,8 @@ class Candidates:
     measured_change   : (n,) float32, what tracing changes at a pixel against the effect's fallback, in the tone-mapped picture
                         (0 to 1), on average; NaN where it was never measured
     measured_strength : (n,) float32, how large that change is where there is one: mean of its square / its mean
-    measured_detail   : (n,) float32, the same against the mean of traced neighbours two pixels away, which is what gaps are filled
-                        with; NaN where it was never measured
+    measured_detail   : (n,) float32, the same against what gaps are filled with, the mean of traced neighbours two pixels away with
+                        the fallback's detail; NaN where it was never measured
     measured_drift    : (n,) float32, the same against the history value, per frame of its age; NaN where never measured
     measured_ms_per_pixel: (n,) float32, milliseconds; NaN where never measured
     """
