@@ -1,7 +1,7 @@
 """Screen-space ambient occlusion: what the G-buffer itself knows of what is near a point.
 
-Ground-truth ambient occlusion (Jimenez, Wu, Pesce and Jarabo 2016, "Practical Real-Time Strategies for Accurate Indirect
-Occlusion", equations 5 to 10): in a slice through the point, its normal and the eye, the horizon is sought on either side among the
+Ground-truth ambient occlusion (Jimenez et al. 2016, "Practical Real-Time Strategies for Accurate Indirect Occlusion", equations
+5 to 10): in a slice through the point, its normal and the eye, the horizon is sought on either side among the
 pixels along a line; between the two horizons the cosine-weighted visibility has a closed form. Each of four
 neighbouring places looks along one of four slices, and pixels take their mean. It does not know what is hidden or off the picture,
 and takes what it sees for infinitely thick.
