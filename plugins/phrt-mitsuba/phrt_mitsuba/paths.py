@@ -1,6 +1,6 @@
 """Path-traced pictures of a world, by Mitsuba's `path` and `volpath`.
 
-    with PathTracer("llvm_ad_rgb") as tracer:
+    with PathTracer() as tracer:
         image = tracer.render(world, view, samples=64, max_depth=6, seed=0)
 
 Every pixel is the mean over its area (a box filter of one pixel), by stratified samples (Kensler 2013, "Correlated
@@ -21,6 +21,7 @@ import numpy as np
 
 from phrt.camera import CameraView
 from phrt.errors import PhrtWarning
+from phrt_mitsuba.availability import choose_variant
 from phrt_mitsuba.scene import PathScenes, make_scenes
 from phrt_mitsuba.specks import MOST_PARTS, parts_of, without_specks
 
@@ -38,11 +39,14 @@ _lock = threading.RLock()
 
 
 class PathTracer:
-    """Keeps the scenes of a world for as long as nothing in it moves. variant: of Mitsuba, such as "llvm_ad_rgb"; a scalar one
-    needs no LLVM, and takes much longer."""
+    """Keeps the scenes of a world for as long as nothing in it moves.
 
-    def __init__(self, variant: str) -> None:
-        self.variant = variant
+    variant: of Mitsuba; by default the one that works here. "scalar_rgb" needs no LLVM, and takes far longer. Raises PluginError
+    where none works.
+    """
+
+    def __init__(self, variant: str | None = None) -> None:
+        self.variant = variant or choose_variant()
         self._key: tuple[Any, ...] | None = None
         self._scenes: PathScenes | None = None
 

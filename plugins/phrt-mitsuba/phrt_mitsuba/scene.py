@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from phrt.model import Material, TextureRef
+from phrt.model import Material
 from phrt_mitsuba.lights import emitters
 from phrt_mitsuba.materials import Materials, absorbed_inside, lets_light_pass
 from phrt_mitsuba.ply import write_ply
@@ -114,18 +114,10 @@ def world_parts(world: World, folder: Path, notes: set[str]) -> Iterator[Part]:
 
 
 def texture_coordinates(world: World, material: Material, corners: np.ndarray, notes: set[str]) -> np.ndarray | None:
-    """(n, 2) of the vertices `corners` (n,), as the material's textures see them; None where it has none."""
-    refs: list[TextureRef] = [ref for slot in SHOWN_SLOTS if (ref := getattr(material, slot)) is not None]
-    if not refs:
+    """(n, 2) of the vertices `corners` (n,), of the set that the material's textures use; None where it has none."""
+    sets = [ref.uv_set for slot in SHOWN_SLOTS if (ref := getattr(material, slot)) is not None]
+    if not sets:
         return None
-    first = refs[0]
-    if any(
-        (ref.uv_set, ref.offset, ref.rotation, ref.scale) != (first.uv_set, first.offset, first.rotation, first.scale)
-        for ref in refs
-    ):
-        notes.add("textures of one material that lie differently on it")
-    uv = world.uv1 if first.uv_set and len(world.uv1) else world.uv0
-    # KHR_texture_transform, as `phrt.textures` has it.
-    cosine, sine = np.cos(first.rotation), np.sin(first.rotation)
-    turn = np.array([[cosine, sine], [-sine, cosine]]) * np.asarray(first.scale)
-    return np.asarray(uv[corners] @ turn.T + np.asarray(first.offset), np.float32)
+    if len(set(sets)) > 1 and len(world.uv1):
+        notes.add("second texture coordinates of a material that uses both")
+    return (world.uv1 if sets[0] and len(world.uv1) else world.uv0)[corners]

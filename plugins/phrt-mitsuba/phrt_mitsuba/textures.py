@@ -1,7 +1,7 @@
 """Textures of a scene as Mitsuba's `bitmap`: decoded and multiplied here, so that no colour conversion is left to do.
 
-Texture coordinates are PHRT's: (0, 0) is the top left corner, which is Mitsuba's convention, too. Transforms of coordinates are
-in the meshes (`phrt_mitsuba.scene`). Mitsuba looks up full resolution, bilinear; many paths a pixel do what mip levels do.
+Texture coordinates are PHRT's: (0, 0) is the top left corner, which is Mitsuba's convention, too. Mitsuba looks up full
+resolution, bilinear; many paths a pixel do what mip levels do.
 """
 
 from __future__ import annotations
@@ -75,4 +75,12 @@ class Textures:
             "format": "fp16",
             "wrap_mode": ref.wrap_s,
             "filter_type": "nearest" if ref.nearest else "bilinear",
+            "to_uv": self.mitsuba.ScalarTransform3f(uv_transform(ref)),
         }
+
+
+def uv_transform(ref: TextureRef) -> np.ndarray:
+    """(3, 3) float32: KHR_texture_transform, translation * rotation * scale, as `phrt.textures` has it."""
+    cosine, sine = np.cos(ref.rotation), np.sin(ref.rotation)
+    turn = np.array([[cosine, sine, ref.offset[0]], [-sine, cosine, ref.offset[1]], [0, 0, 1]])
+    return np.asarray(turn @ np.diag([*ref.scale, 1.0]), np.float32)

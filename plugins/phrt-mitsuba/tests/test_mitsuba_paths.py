@@ -210,6 +210,17 @@ def test_a_texture_lies_as_it_does_in_our_pictures(sampler: dict[str, Any]) -> N
     same_way_up(traced(stage.scene, (32, 32), max_depth=2), all_trace(stage, (32, 32)), 29.0)
 
 
+def test_two_textures_of_a_material_lie_as_they_do_in_our_pictures() -> None:
+    stage = Stage(dome=(1.0, 1.0, 1.0))
+    color, glow = stage.image(colourful()), stage.image(colourful()[::-1])
+    material = replace(
+        WHITE, base_color_texture=TextureRef(color, scale=(2.0, 2.0)), emissive=(0.4, 0.4, 0.4),
+        emissive_texture=TextureRef(glow, offset=(0.3, 0.2), rotation=0.4),
+    )  # fmt: skip
+    stage.add("/sign", quad(2, 2), material).camera((0.3, -0.2, 2.6), (0.1, 0.0, 0.0), fov_y=0.9)
+    same_way_up(traced(stage.scene, (32, 32), max_depth=2), all_trace(stage, (32, 32)), 27.0, clear=6.0)
+
+
 @pytest.mark.parametrize("orthographic", [False, True])
 def test_things_stand_where_they_stand_in_our_pictures(orthographic: bool) -> None:
     stage = Stage(dome=(0.2, 0.3, 0.5)).add("/floor", floor(4), replace(LAMBERT, base_color=(0.3, 0.3, 0.3, 1.0)))
