@@ -120,4 +120,4 @@ def texture_coordinates(world: World, material: Material, corners: np.ndarray, n
         return None
     if len(set(sets)) > 1 and len(world.uv1):
         notes.add("second texture coordinates of a material that uses both")
-    return (world.uv1 if sets[0] and len(world.uv1) else world.uv0)[corners]
+    return np.asarray((world.uv1 if sets[0] and len(world.uv1) else world.uv0)[corners])
