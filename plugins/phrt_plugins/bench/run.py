@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -52,14 +53,15 @@ def run_bench(
     # The folder is looked at before a lock is put into it.
     runner = BenchRunner(file, plan, store, work)
     runner.check_folder(resume)
-    if not isinstance(executor, InlineExecutor):
-        check_reachable(runner.plugins(), work.plugins)
-    with store.locked():
-        runner.begin(resume=resume, retry_failed=retry_failed)
+    with ExitStack() as closing:
         made = executor
         if not isinstance(made, Executor):
             made = make_executor(made, timing=file.config.clock is None, jobs=jobs)
-        try:
+            closing.callback(made.close)
+        if not isinstance(made, InlineExecutor):
+            check_reachable(runner.plugins(), work.plugins)
+        with store.locked():
+            runner.begin(resume=resume, retry_failed=retry_failed)
             runner.work = replace(runner.work, threads=made.threads)
             tasks = [task for stage in STAGES for task in runner.remaining(stage)]
             if estimate is not None and tasks:
@@ -67,11 +69,9 @@ def run_bench(
                 say(f"{len(plan.cells)} cells, {len(tasks)} tasks, about {spoken(estimate.total(tasks, made.jobs))}")
             with RunProgress(tasks, estimate) as progress:
                 runner.run(made, progress.ended)
-        finally:
-            if not isinstance(executor, Executor):
-                made.close()
-        outcome = Outcome([cell.id for cell in plan.cells], runner.failures, runner.problems, runner.time())
-        _sum_up(store, outcome, work.strict)
+            closing.close()
+            outcome = Outcome([cell.id for cell in plan.cells], runner.failures, runner.problems, runner.time())
+            _sum_up(store, outcome, work.strict)
     return outcome
 
 
