@@ -117,7 +117,10 @@ class NeedsTwoFrames(Sound):
 
 BROKEN: list[tuple[Any, str]] = [
     (NoColumns, "it has at least one column"),
-    (OddlyNamed, "columns are named in lower case with underscores, and not frame, oracle_share, parts_share, relevance_share"),
+    (
+        OddlyNamed,
+        "columns are named in lower case with underscores, and not frame, oracle_share, parts_share, relevance_share",
+    ),
     (TheSameTwice, "no two columns have one name: off, off, spent"),
     (NoSuchStatistic, "`statistic` is one of mean, .*, not 'median'"),
     (JustTexts, "columns are Column objects, not 'off'"),
