@@ -32,7 +32,7 @@ from phrt_plugins.bench.statistics import NOTHING, Interval, interval, intervals
 
 SETTINGS = (
     "contest", "setup", "scene", "size", "tracer", "gbuffer", "clock", "budget", "budget_kind", "budget_amount",
-    "label", "heuristic", "persistence", "cost_model", "group_by", "history", "cells", "state",
+    "label", "heuristic", "persistence", "cost_model", "group_by", "history", "cells", "state", "reference",
 )  # fmt: skip
 COLUMNS = (*SETTINGS, "metric", "unit", "better", "value", "low", "high", "frames")
 
@@ -131,6 +131,7 @@ def settings_of(run: BenchRun, cells: Sequence[Cell]) -> dict[str, Any]:
         "history": cell.history,
         "cells": len(cells),
         "state": state_of(cells),
+        "reference": run.reference_name,
     }
 
 

@@ -21,6 +21,7 @@ from phrt_plugins.bench import run as run_module
 from phrt_plugins.bench.checks import checked_plan
 from phrt_plugins.bench.estimate import Cost, Estimate
 from phrt_plugins.bench.inline import InlineExecutor
+from phrt_plugins.bench.leaderboard import leaderboard, verdict
 from phrt_plugins.bench.plan import Setup
 from phrt_plugins.bench.reading import read_config
 from phrt_plugins.bench.references import References, reference_key
@@ -215,6 +216,10 @@ def test_the_folder_the_summary_and_the_verdict_name_the_reference(finished: Pat
     run = BenchRun.read(run_of(finished))
     assert run.reference_name == "path tracing (made_up, 32 paths a pixel)"
     assert BenchRun.read(run_of(finished, "usual")).reference_name == "all-trace"
+    assert {row["reference"] for row in read_summary(run_of(finished))} == {run.reference_name}
+    assert verdict([replace(board, frames=6) for board in leaderboard(read_summary(run.folder), run)]).endswith(
+        "Pictures are judged by path tracing (made_up, 32 paths a pixel)."
+    )
     about = json.loads((run_of(finished) / "bench.json").read_text())
     assert about["config"]["reference"] == REFERENCE
     assert about["plan"]["setups"][0]["reference"] == {**REFERENCE, "version": "made up 1"}
