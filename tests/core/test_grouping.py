@@ -17,7 +17,8 @@ SIZE = (96, 64)
 
 
 def frame(group_by: GroupBy, **options: Any) -> FrameResult:
-    given = {"size": SIZE, "gbuffer": "raycast", "threads": 2, "strict": True, "effects": {"ambient_occlusion": {}}}
+    effects = {"ambient_occlusion": {}, "shadows": {"fallback": "none"}}
+    given = {"size": SIZE, "gbuffer": "raycast", "threads": 2, "strict": True, "effects": effects}
     with phrt.Renderer(hall(), group_by=group_by, **(given | options)) as renderer:
         return renderer.render()
 
