@@ -20,7 +20,12 @@ from phrt_plugins.bench import benefits
 from phrt_plugins.bench.benefits import Judged, judge
 
 SIZE = (64, 36)
-EFFECTS = {"ambient_occlusion": {"samples": 2, "radius": 2.0}, "shadows": {"fallback": "none"}}
+EFFECTS = {
+    "ambient_occlusion": {"samples": 2, "radius": 2.0},
+    "shadows": {"fallback": "none"},
+    "reflections": {"fallback": "environment"},
+    "refractions": {"fallback": "alpha"},
+}
 
 
 class Just(Heuristic):
