@@ -402,7 +402,9 @@ def heuristic_rows() -> Iterator[Row]:
 
 def tracer_rows() -> Iterator[Row]:
     yield Row("tracer", "capabilities", "raises", raises, "RuntimeError")
-    yield Row("tracer", "capabilities", "are none", gives("fast"), "its `capabilities` are no TracerCapabilities but .fast")
+    yield Row(
+        "tracer", "capabilities", "are none", gives("fast"), "its `capabilities` are no TracerCapabilities but .fast"
+    )
     yield Row("tracer", "build", "raises", raises, rf"failed in build\(\): {LOST}")
     yield Row("tracer", "update", "raises", raises, rf"failed in update\(\): {LOST}", "frame", BUILT_ANEW)
     yield Row("tracer", "close", "raises", raises, rf"failed in close\(\): {LOST}", "close", LEFT_OPEN)
@@ -664,7 +666,8 @@ def happens(row: Row) -> str:
         return f"{NO_RAYS}; an error where the G-buffer is made of its rays and they fail"
     return {
         "start": "an error when it is asked for",
-        "frame": row.done.replace("clear value 0", "clear value") or "an error: there is no picture; finished frames stay",
+        "frame": row.done.replace("clear value 0", "clear value")
+        or "an error: there is no picture; finished frames stay",
         "restart": row.done.replace("clear value 0", "clear value"),
         "close": row.done,
         "load": "an error that names the file",
