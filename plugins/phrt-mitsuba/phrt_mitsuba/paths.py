@@ -15,6 +15,7 @@ import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -47,23 +48,23 @@ class PathTracer:
 
     def __init__(self, variant: str | None = None) -> None:
         self.variant = variant or choose_variant()
-        self._key: tuple[Any, ...] | None = None
+        self._world: World | None = None
+        self._moment: tuple[bytes, bytes] | None = None
         self._scenes: PathScenes | None = None
 
     def render(self, world: World, view: CameraView, *, samples: int, max_depth: int, seed: int = 0) -> np.ndarray:
         """As `phrt.interfaces.tracer.Tracer.render_paths`."""
         with _using(self.variant) as mitsuba:
             scenes = self._made(mitsuba, world)
-            hidden = not world.environment.visible
-            arguments = (mitsuba, view, samples, max_depth, seed, scenes.passing)
-            image = picture(scenes.lit, *arguments, hide_emitters=hidden)
+            asked = Asked(view, samples, max_depth, seed, scenes.passing)
+            image = picture(mitsuba, scenes.lit, asked, hide_emitters=not world.environment.visible)
             if scenes.glowing is not None:
-                image += picture(scenes.glowing, *arguments, hide_emitters=False)
+                image += picture(mitsuba, scenes.glowing, asked, hide_emitters=False)
         return np.ascontiguousarray(image * np.float32(view.exposure * world.scene.settings.exposure))
 
     def close(self) -> None:
         """Give memory back."""
-        self._key = self._scenes = None
+        self._world = self._moment = self._scenes = None
 
     def __enter__(self) -> PathTracer:
         return self
@@ -73,34 +74,35 @@ class PathTracer:
 
     def _made(self, mitsuba: Any, world: World) -> PathScenes:
         """The scenes of `world` as it is now."""
-        key = (id(world), world.object_matrix.tobytes(), world.lights.tobytes())
-        if self._scenes is None or self._key != key:
-            known = self._scenes.notes if self._scenes is not None and self._key and self._key[0] == id(world) else ()
-            self._scenes, self._key = make_scenes(mitsuba, world), key
+        moment = (world.object_matrix.tobytes(), world.lights.tobytes())
+        known = self._scenes.notes if self._scenes is not None and self._world is world else ()
+        if self._scenes is None or self._world is not world or self._moment != moment:
+            self._scenes, self._world, self._moment = make_scenes(mitsuba, world), world, moment
             if new := [note for note in self._scenes.notes if note not in known]:
-                warnings.warn(
-                    PhrtWarning(f"path tracing '{world.scene.name}' leaves out: {'; '.join(new)}"), stacklevel=4
-                )
+                left_out = f"path tracing '{world.scene.name}' leaves out: {'; '.join(new)}"
+                warnings.warn(PhrtWarning(left_out), stacklevel=4)
         return self._scenes
 
 
-def picture(
-    scene: Any,
-    mitsuba: Any,
-    view: CameraView,
-    samples: int,
-    max_depth: int,
-    seed: int,
-    passing: bool,
-    *,
-    hide_emitters: bool,
-) -> np.ndarray:
-    """(H, W, 3) float32 of a Mitsuba scene, exposure not applied. passing, hide_emitters: see `integrator`."""
-    parts = parts_of(samples)
-    each = -(-samples // parts)
-    camera = sensor(mitsuba, view, each)
-    paths = integrator(mitsuba, view, each, max_depth, passing=passing, hide_emitters=hide_emitters)
-    pictures = [paths.render(scene, camera, seed=seed * MOST_PARTS + part, spp=each) for part in range(parts)]
+@dataclass(frozen=True)
+class Asked:
+    """What pictures of a scene have in common. passing: are there surfaces that light passes on a straight way?"""
+
+    view: CameraView
+    samples: int
+    max_depth: int
+    seed: int
+    passing: bool
+
+
+def picture(mitsuba: Any, scene: Any, asked: Asked, *, hide_emitters: bool) -> np.ndarray:
+    """(H, W, 3) float32 of a Mitsuba scene, exposure not applied. hide_emitters: is the dome not to be seen?"""
+    parts = parts_of(asked.samples)
+    each = stratified(-(-asked.samples // parts))
+    camera = sensor(mitsuba, asked.view, each)
+    paths = integrator(mitsuba, asked, each, hide_emitters=hide_emitters)
+    seeds = range(asked.seed * MOST_PARTS, asked.seed * MOST_PARTS + parts)
+    pictures = [paths.render(scene, camera, seed=seed, spp=each) for seed in seeds]
     return without_specks(np.stack([np.array(part, np.float32) for part in pictures]))
 
 
@@ -126,19 +128,23 @@ def sensor(mitsuba: Any, view: CameraView, samples: int) -> Any:
     return mitsuba.load_dict({**said, "to_world": mitsuba.ScalarTransform4f(matrix.astype(np.float32))})
 
 
-def integrator(
-    mitsuba: Any, view: CameraView, samples: int, max_depth: int, *, passing: bool, hide_emitters: bool
-) -> Any:
-    """passing: are there surfaces that light passes on a straight way? Looking through them takes longer."""
+def integrator(mitsuba: Any, asked: Asked, samples: int, *, hide_emitters: bool) -> Any:
+    """Mitsuba's path tracer. To look through surfaces on the way to a light takes longer, and is done where it must be."""
     said = {
-        "type": "volpath" if passing else "path",
-        "max_depth": max_depth,
-        "rr_depth": min(max_depth, LONG),
+        "type": "volpath" if asked.passing else "path",
+        "max_depth": asked.max_depth,
+        "rr_depth": min(asked.max_depth, LONG),
         "hide_emitters": hide_emitters,
     }
     if not mitsuba.variant().startswith("scalar"):
-        said["samples_per_pass"] = samples_at_a_time(samples, view.width * view.height)
+        said["samples_per_pass"] = samples_at_a_time(samples, asked.view.width * asked.view.height)
     return mitsuba.load_dict(said)
+
+
+def stratified(samples: int) -> int:
+    """`samples` or a few more: as many as fill a grid, which is what Mitsuba's sampler takes."""
+    rows = math.isqrt(samples)
+    return rows * -(-samples // rows)
 
 
 def samples_at_a_time(samples: int, pixels: int) -> int:

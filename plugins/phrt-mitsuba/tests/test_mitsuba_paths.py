@@ -19,7 +19,7 @@ from phrt.errors import PhrtWarning
 from phrt.model import Material, TextureRef
 from phrt.scene import Dome, Scene
 from phrt.world import World
-from phrt_mitsuba.paths import PathTracer, samples_at_a_time
+from phrt_mitsuba.paths import PathTracer, samples_at_a_time, stratified
 from phrt_mitsuba.specks import parts_of, without_specks
 
 needs.package("mitsuba")
@@ -353,6 +353,14 @@ def test_the_process_keeps_its_variant() -> None:
 )
 def test_samples_are_taken_in_equal_parts(samples: int, pixels: int, expected: int) -> None:
     assert samples_at_a_time(samples, pixels) == expected
+
+
+@pytest.mark.parametrize(
+    ("samples", "expected"), [(1, 1), (2, 2), (7, 8), (16, 16), (32, 35), (35, 35), (64, 64), (97, 99)]
+)
+def test_samples_fill_a_grid(samples: int, expected: int) -> None:
+    assert stratified(samples) == expected
+    assert stratified(expected) == expected
 
 
 def test_a_speck_is_taken_out_and_noise_is_not() -> None:
