@@ -113,6 +113,9 @@ TILE = 1 << TILE_BITS
 """Texels along one side of a tile of a shadow map."""
 FRESH = 1
 """State of a tile that holds what its light sees now."""
+STALE_SLACK = f32(6.0)
+"""Texels by which more a point must lie behind what a tile holds that is not FRESH: what moved away from the light a little would
+else lie in its own shadow."""
 
 
 @inlined
@@ -145,7 +148,7 @@ def shadow_map_lookup(rows, surfaces, direct, lights, maps, frames, state, wante
     at = np.empty((6, BLOCK), np.float32)
     place, across, down = np.empty(BLOCK, np.int32), np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
     tile = np.empty(BLOCK, np.int32)
-    reference = np.empty(BLOCK, np.float32)
+    reference, slack = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
     for block in range(0, len(rows), BLOCK):
         count = min(BLOCK, len(rows) - block)
         for i in range(count):
@@ -172,6 +175,7 @@ def shadow_map_lookup(rows, surfaces, direct, lights, maps, frames, state, wante
                     place[i] = line * size + column
                     tile[i] = (line >> bits) * tiles + (column >> bits)
                     reference[i] = f32(-np.inf) if outside else depth - texel * f32(0.5)
+                    slack[i] = texel * STALE_SLACK
             else:
                 lx, ly, lz = light.position[0], light.position[1], light.position[2]
                 width = f32(2.0) / f32(size)
@@ -186,16 +190,18 @@ def shadow_map_lookup(rows, surfaces, direct, lights, maps, frames, state, wante
                     place[i] = face * area + line * size + column
                     tile[i] = (face * tiles + (line >> bits)) * tiles + (column >> bits)
                     reference[i] = depth - texel * f32(0.5)
+                    slack[i] = texel * STALE_SLACK
             for i in range(count):
                 row = np.uint32(rows[block + i])
                 lit = direct[row, k, 0] + direct[row, k, 1] + direct[row, k, 2]
                 share = f32(1.0)
                 if lit > f32(0.0):
                     own = np.uint32(tile[i])
+                    first, nearest = np.uint32(place[i]), reference[i]
                     if state[k, own] != FRESH:
                         wanted[k, own] = 1
                         unfound += 1
-                    first, nearest = np.uint32(place[i]), reference[i]
+                        nearest -= slack[i]
                     below = first + np.uint32(size)
                     a = f32(1.0) if flat[k, first] >= nearest else f32(0.0)
                     b = f32(1.0) if flat[k, first + np.uint32(1)] >= nearest else f32(0.0)

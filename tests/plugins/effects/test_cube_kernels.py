@@ -73,3 +73,24 @@ def test_shadow_maps_are_looked_up_as_the_twin_says(count: int) -> None:
     if count > 100:
         assert {DIRECTIONAL} < set(lights["kind"].tolist())
         assert 0.2 < out.mean() < 0.95
+
+
+def test_tiles_that_are_not_fresh_are_asked_for_and_give_what_moved_the_benefit_of_the_doubt() -> None:
+    rng = np.random.default_rng(3)
+    table, lights = random_materials(rng), random_lights(rng)
+    points = random_surfaces(rng, 500, table)
+    maps = rng.uniform(0.0, 6.0, (len(lights), 6, SIZE, SIZE)).astype(np.float32)
+    frames = np.tile(np.eye(4, dtype=np.float32) * 0.2, (len(lights), 1, 1))
+    direct, rows = np.ones((500, len(lights), 3), np.float32), np.arange(500, dtype=np.int32)
+    shares = []
+    for state in (FRESH, 2):
+        wanted, out = np.zeros((len(lights), 6), np.uint8), np.empty((500, len(lights)), np.float32)
+        unfound = shadow_map_lookup(
+            rows, points, direct, lights, maps, frames, np.full((len(lights), 6), state, np.uint8), wanted, out
+        )
+        casting = lights["casts_shadow"] != 0
+        assert unfound == (0 if state == FRESH else 500 * casting.sum())
+        assert (wanted.any(axis=1) == (casting & (state != FRESH))).all()
+        shares.append(out)
+    assert (shares[1] >= shares[0]).all()
+    assert (shares[1] > shares[0]).any()
