@@ -20,6 +20,12 @@ TRACERS = ("embree", "open3d", "numpy")
 LAMBERT = Material("lambert", base_color=(0.5, 0.5, 0.5, 1.0), specular=0.0)
 MIRROR = Material("mirror", base_color=(1.0, 1.0, 1.0, 1.0), metallic=1.0, roughness=0.0)
 GLASS = Material("glass", transmission=1.0, thickness=1.0, roughness=0.0, ior=1.5)
+PLAIN_FALLBACKS = {
+    "shadows": {"fallback": "none"},
+    "reflections": {"fallback": "environment"},
+    "refractions": {"fallback": "environment"},
+}
+"""As in the paper: what is not traced is missing for all to see."""
 QUAD_UV = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32)
 
 

@@ -16,6 +16,7 @@ import needs
 import numpy as np
 import pytest
 from PIL import Image
+from scene_kit import PLAIN_FALLBACKS
 
 import phrt
 import phrt.geometry
@@ -67,7 +68,8 @@ def framed(world: World, towards: tuple[float, float, float]) -> CameraView:
 
 def picture(scene: Scene, towards: tuple[float, float, float], gbuffer: str) -> np.ndarray:
     """(240, 320, 3) uint8 sRGB: G-buffer, light and dome; nothing traced, nothing random."""
-    with phrt.Renderer(scene, size=(WIDTH, HEIGHT), gbuffer=gbuffer, heuristic="raster_only", aa=4) as renderer:
+    options = {"heuristic": "raster_only", "effects": PLAIN_FALLBACKS}
+    with phrt.Renderer(scene, size=(WIDTH, HEIGHT), gbuffer=gbuffer, aa=4, **options) as renderer:
         image = renderer.render(camera=framed(renderer.world, towards)).image
     assert np.isfinite(image).all()
     return to_8bit(image, "srgb")

@@ -195,7 +195,11 @@ def brighter(scene: Scene) -> Scene:
 MUTANTS: dict[str, tuple[str, Any, dict[str, Any]]] = {
     "shadows_off": ("diffuse", lambda: stage("diffuse").scene, {"effects": {"shadows": {"enabled": False}}}),
     "casts_shadow_false": ("diffuse", lambda: shadowless(stage("diffuse").scene), {}),
-    "raster_only": ("diffuse", lambda: stage("diffuse").scene, {"heuristic": "raster_only"}),
+    "raster_only": (
+        "diffuse",
+        lambda: stage("diffuse").scene,
+        {"heuristic": "raster_only", "effects": {"shadows": {"fallback": "none"}}},
+    ),
     "brighter_light": ("diffuse", lambda: brighter(stage("diffuse").scene), {}),
     "smaller_ball": ("diffuse", lambda: stage("diffuse", ball_mesh=smaller(ball(RADIUS))).scene, {}),
     "diffuse_inside_out": ("diffuse", lambda: stage("diffuse", ball_mesh=flipped(ball(RADIUS))).scene, {}),

@@ -153,7 +153,7 @@ def _idle(entry: SceneObject, mine: dict[str, tuple[_Looked, int]]) -> list[str]
     idle: set[str] | None = None
     for look, row in mine.values():
         find = look.findings
-        nothing = changes_nothing(find.seen, find.effect_pixels, find.change, find.peak)[row]
+        nothing = changes_nothing(find.seen, find.effect_pixels, find.change, find.peak, find.marked)[row]
         here = {name for name, ruled_out in zip(find.effect_names, nothing, strict=True) if ruled_out}
         idle = here if idle is None else idle & here
     return sorted((idle or set()) - set(entry.effects))

@@ -6,13 +6,14 @@ Two frames that differ in one effect show what it changes, pixel by pixel, in th
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from phrt.clock import Clock, WallClock
 from phrt.frame import FrameResult
+from phrt.interfaces.effect import LayerSpec
 from phrt.interfaces.heuristic import Candidates, FrameContext, Heuristic
 from phrt.output.tonemap import to_8bit
 from phrt.renderer import Renderer
@@ -60,6 +61,7 @@ class Findings:
     total_change: (N + 1,) float64, sum over its pixels of what all effects together change, 0 to 1 a pixel
     effect_pixels, change, peak, rays, traced: (N + 1, E) float64: pixels the effect applies to, sum and maximum of
       what it changes at one, rays, and pixels they were traced at
+    marked: (N + 1, E) float64, pixels at which its layer, traced, held anything but its clear value
     coefficients: by effect, ms_per_item and ms_per_ray
     """
 
@@ -75,11 +77,12 @@ class Findings:
     peak: np.ndarray
     rays: np.ndarray
     traced: np.ndarray
+    marked: np.ndarray
     coefficients: dict[str, dict[str, float]] = field(default_factory=dict)
 
     def only(self, effects: np.ndarray) -> Findings:
         """Without what is said about effects that are not among `effects` (E,) bool."""
-        each = ("effect_pixels", "change", "peak", "rays", "traced")
+        each = ("effect_pixels", "change", "peak", "rays", "traced", "marked")
         names = tuple(name for name, kept in zip(self.effect_names, effects, strict=True) if kept)
         kept = {name: getattr(self, name)[:, effects] for name in each}
         return replace(self, effect_names=names, **kept)
@@ -94,7 +97,7 @@ class Findings:
 
         return cls(
             effect_names, 0, np.zeros(objects + 1, np.int64), one(), one(), one(), one(), each(), each(), each(),
-            each(), each(),
+            each(), each(), each(),
         )  # fmt: skip
 
 
@@ -141,6 +144,7 @@ def probe(
                 without = _shown(picture(number, time, name), tone_map)
                 _add_change(findings, column, seen, np.abs(shown - without).mean(axis=1))
             bare = _shown(picture(number, time, *findings.effect_names), tone_map)
+            _add_marks(findings, whole, seen, [effect.writes for effect in renderer.effects])
             _add_sight(findings, whole, seen, np.abs(shown - bare).mean(axis=1))
             done()
         findings.coefficients = renderer.costs()
@@ -159,6 +163,13 @@ def _add_change(findings: Findings, column: int, seen: np.ndarray, changed: np.n
     """What an effect changes (P,) at pixels that show objects `seen` (P,)."""
     findings.change[:, column] += np.bincount(seen, weights=changed, minlength=len(findings.seen))
     np.maximum.at(findings.peak[:, column], seen, changed)
+
+
+def _add_marks(findings: Findings, frame: FrameResult, seen: np.ndarray, writes: Sequence[LayerSpec]) -> None:
+    """At how many pixels of each object the effects' layers hold something."""
+    for column, layer in enumerate(writes):
+        marked = (frame.layers[layer.name].reshape(len(seen), -1) != np.float32(layer.clear)).any(axis=1)
+        findings.marked[:, column] += np.bincount(seen[marked], minlength=len(findings.seen))
 
 
 def _add_sight(findings: Findings, frame: FrameResult, seen: np.ndarray, changed: np.ndarray) -> None:

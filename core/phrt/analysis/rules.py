@@ -98,11 +98,14 @@ def _expected(measured: np.ndarray, rule: np.ndarray, kinds: list[str], scene: S
     return expected
 
 
-def changes_nothing(seen: np.ndarray, effect_pixels: np.ndarray, change: np.ndarray, peak: np.ndarray) -> np.ndarray:
-    """(N + 1, E) bool: seen often enough in probes, and never changed by the effect so that anybody could see it.
+def changes_nothing(
+    seen: np.ndarray, effect_pixels: np.ndarray, change: np.ndarray, peak: np.ndarray, marked: np.ndarray
+) -> np.ndarray:
+    """(N + 1, E) bool: seen often enough in probes, and never changed by the effect so that anybody could see it, nor given
+    anything by it: a good fallback that hides the difference in a small picture may not do so in a large one.
 
-    seen (N + 1,) probes; effect_pixels, change, peak (N + 1, E): see `Findings`.
+    seen (N + 1,) probes; effect_pixels, change, peak, marked (N + 1, E): see `Findings`.
     """
     enough = (seen[:, None] >= LEAST_PROBES) & (effect_pixels >= LEAST_PIXELS)
     mean = np.divide(change, effect_pixels, out=np.zeros_like(change), where=effect_pixels > 0)
-    return enough & (mean < INVISIBLE_MEAN) & (peak < INVISIBLE_PEAK)
+    return enough & (mean < INVISIBLE_MEAN) & (peak < INVISIBLE_PEAK) & (marked == 0)

@@ -17,7 +17,7 @@ from phrt.kernels.bounce import MIRROR_RAY_ROUGHNESS, reflection_rays
 from phrt.kernels.layers import mark_targets
 from phrt.tracing import gather
 from phrt.world import World
-from phrt_plugins.effects.expected import shadow_rays
+from phrt_plugins.effects.expected import shadow_rays_of_hit
 from phrt_plugins.effects.options import ReflectionsOptions
 from phrt_plugins.effects.probes import Probes, probes_of
 
@@ -49,7 +49,7 @@ class Reflections(RayEffect):
     def rays_per_pixel(self, world: World) -> float:
         roughness = world.materials["roughness"][self.applies_to(world)]
         first = np.where(roughness < MIRROR_RAY_ROUGHNESS, 1.0, self._options.samples)
-        return float(first.mean() if len(first) else 1.0) * (1.0 + shadow_rays(world))
+        return float(first.mean() if len(first) else 1.0) * (1.0 + shadow_rays_of_hit(world))
 
     def applies_at(self, frame: Frame, pixels: np.ndarray) -> np.ndarray | None:
         return frame.surfaces.roughness[pixels] <= np.float32(self._options.roughness_cutoff)

@@ -19,7 +19,7 @@ from phrt.kernels.layers import mark_targets
 from phrt.tracing import gather
 from phrt.world import World
 from phrt_plugins.effects.behind import behind, environment_through
-from phrt_plugins.effects.expected import shadow_rays
+from phrt_plugins.effects.expected import shadow_rays_of_hit
 from phrt_plugins.effects.options import RefractionsOptions
 from phrt_plugins.effects.probes import Probes, probes_of
 
@@ -54,7 +54,7 @@ class Refractions(RayEffect):
         return world.material_lets_light_through()
 
     def rays_per_pixel(self, world: World) -> float:
-        return 3.0 + shadow_rays(world)
+        return 3.0 + shadow_rays_of_hit(world)
 
     def trace(self, frame: Frame, pixels: np.ndarray) -> EffectResult:
         count = len(pixels)

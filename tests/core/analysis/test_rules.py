@@ -107,9 +107,13 @@ def test_what_no_probe_shows_is_taken_as_what_is_like_it() -> None:
     assert found[5] == 1.5, "nothing in common: the rule"
 
 
-def one(seen: int = LEAST_PROBES, pixels: float = LEAST_PIXELS, mean: float = 0.0, peak: float = 0.0) -> bool:
+def one(
+    seen: int = LEAST_PROBES, pixels: float = LEAST_PIXELS, mean: float = 0.0, peak: float = 0.0, marked: float = 0.0
+) -> bool:
     column = np.array([[0.0], [1.0]])
-    found = changes_nothing(np.array([0, seen]), column * pixels, column * mean * pixels, column * peak)
+    found = changes_nothing(
+        np.array([0, seen]), column * pixels, column * mean * pixels, column * peak, column * marked
+    )
     assert not found[0, 0]
     return bool(found[1, 0])
 
@@ -119,6 +123,7 @@ def test_an_effect_is_ruled_out_only_where_enough_was_seen_and_nothing_changed()
     assert one(mean=INVISIBLE_MEAN * 0.99, peak=INVISIBLE_PEAK * 0.99)
     assert not one(mean=INVISIBLE_MEAN * 1.01)
     assert not one(peak=INVISIBLE_PEAK * 1.01), "one pixel that changes is enough"
+    assert not one(marked=1.0), "nor what a fallback shows as well"
     assert not one(seen=LEAST_PROBES - 1)
     assert not one(pixels=LEAST_PIXELS - 1)
     assert not one(pixels=0.0)

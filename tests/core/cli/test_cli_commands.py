@@ -363,7 +363,16 @@ def test_previews_of_layers_are_as_bright_as_the_picture(
     capsys: pytest.CaptureFixture[str], scene: str, tmp_path: Path
 ) -> None:
     folder = tmp_path / "layers"
-    dark = ("--exposure", "0.25", "--heuristic", "raster_only", "--layers", str(folder))
+    dark = (
+        "--exposure",
+        "0.25",
+        "--heuristic",
+        "raster_only",
+        "--layers",
+        str(folder),
+        "--effect",
+        "shadows.fallback=none",
+    )
     render(capsys, scene, tmp_path / "x.png", *dark)
     pictures = [tmp_path / "x.png", folder / "figure1_a_raster.png", folder / "figure1_d_composite.png"]
     picture, raster, composite = (np.asarray(Image.open(path)).astype(int) for path in pictures)

@@ -10,7 +10,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image
-from scene_kit import LAMBERT, Stage, at, ball, floor
+from scene_kit import LAMBERT, PLAIN_FALLBACKS, Stage, at, ball, floor
 
 from phrt.errors import OptionError
 from phrt.frame import MASK_FALLBACK, MASK_FILLED, MASK_NONE, MASK_TRACED, FrameResult
@@ -121,13 +121,13 @@ def test_a_scene_without_lights_has_no_such_component(tmp_path: Path) -> None:
 
 
 def test_the_raster_picture_is_the_frame_that_traces_nothing() -> None:
-    traced, plain = lit_ball(), lit_ball(heuristic="raster_only")
+    traced, plain = lit_ball(), lit_ball(heuristic="raster_only", effects=PLAIN_FALLBACKS)
     np.testing.assert_allclose(raster_picture(traced), plain.image, rtol=1e-6)
     assert np.abs(traced.image - plain.image).max() > 0.01, "the lights cast shadows"
 
 
 def test_previews_of_light_are_exposed_as_the_picture_is(tmp_path: Path) -> None:
-    frame = lit_ball(heuristic="raster_only")
+    frame = lit_ball(heuristic="raster_only", effects=PLAIN_FALLBACKS)
     assert frame.exposure == 0.25
     frame.layers["reflection"][:] = 0.8
     write_layers(tmp_path, frame, tone_map="srgb")

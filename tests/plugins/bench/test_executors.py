@@ -162,12 +162,15 @@ def test_a_closed_executor_says_so_and_its_workers_are_gone() -> None:
 
 
 PARENT = """
+import signal
 import sys
 sys.path.insert(0, {kit!r})
 from executor_kit import Job, work
 from phrt_plugins.bench.executors import make_executor
 
 if __name__ == "__main__":
+    # Who runs the tests in the background may have had it ignored.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     jobs = [Job("a", "busy", "note", {note!r})]
     make_executor("local", timing=True).run(work, jobs, done=print)
 """
@@ -178,11 +181,14 @@ def test_a_busy_worker_dies_with_its_parent(how: signal.Signals, tmp_path: Path)
     script, note = tmp_path / "parent.py", tmp_path / "note"
     script.write_text(PARENT.format(kit=str(KIT), note=str(note)))
     with subprocess.Popen([sys.executable, str(script)], stderr=subprocess.DEVNULL) as parent:
-        assert until(lambda: note.exists() and note.read_text() != "")
-        worker = int(note.read_text())
-        assert alive(worker)
-        parent.send_signal(how)
-        parent.wait(30)
+        try:
+            assert until(lambda: note.exists() and note.read_text() != "")
+            worker = int(note.read_text())
+            assert alive(worker)
+            parent.send_signal(how)
+            parent.wait(30)
+        finally:
+            parent.kill()
     assert until(lambda: not alive(worker), 10)
 
 

@@ -5,7 +5,7 @@ import pytest
 from scene_kit import Stage, at, ball, floor, turned
 
 from phrt.world import World
-from phrt_plugins.effects.expected import LEAST_SHARE, light_shares, shadow_rays
+from phrt_plugins.effects.expected import LEAST_SHARE, light_shares, shadow_rays, shadow_rays_of_hit
 
 DOWN = turned("x", -90.0)
 
@@ -33,14 +33,31 @@ def stage() -> Stage:
 )
 def test_a_light_is_expected_where_it_can_shine(kind: str, matrix: np.ndarray, values: dict, share: float) -> None:
     world = World(stage().light(kind, matrix, **values).scene)
-    assert light_shares(world).tolist() == pytest.approx([share])
+    assert light_shares(world)[1].tolist() == pytest.approx([share])
 
 
 def test_half_of_a_ball_faces_a_light_far_away() -> None:
     made = Stage()
     made.add("/ball", ball(0.5, 4))
     world = World(made.light("point", at(0, 1e4, 0)).scene)
-    assert light_shares(world)[0] == pytest.approx(0.5, abs=0.03)
+    assert light_shares(world)[1, 0] == pytest.approx(0.5, abs=0.03)
+    assert shadow_rays_of_hit(world) == pytest.approx(0.5, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("kind", "matrix", "values", "share"),
+    [
+        ("point", at(0, -3, 0), {}, 1.0),
+        ("point", at(5, -3, 5), {"range": 4.0}, 1 / 6),
+        ("directional", turned("x", 90.0), {}, 1.0),
+        ("rect", at(0, 3, 0) @ turned("x", 90.0), {}, LEAST_SHARE),
+    ],
+)
+def test_what_is_seen_may_be_in_front_of_any_light_in_range(
+    kind: str, matrix: np.ndarray, values: dict, share: float
+) -> None:
+    world = World(stage().light(kind, matrix, **values).scene)
+    assert shadow_rays(world) == pytest.approx(share)
 
 
 def test_lights_with_an_extent_take_their_samples() -> None:

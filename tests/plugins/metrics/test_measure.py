@@ -125,7 +125,12 @@ def test_metrics_come_in_the_order_they_are_asked_for_with_their_options() -> No
         (["ssim", "ssim"], {}, OptionError, "metrics are named twice: ssim"),
         (["ssim"], {"flip": {}}, OptionError, "options for metric 'flip', which is not among those asked for: ssim"),
         (["ssim"], {"ssim": {"sigma": 1}}, OptionError, "metric 'ssim': unknown option 'sigma'"),
-        (["nothing"], {}, PluginError, "metric 'nothing' of tests-nothing is broken: its factory makes .*NoMetric.*, no phrt"),
+        (
+            ["nothing"],
+            {},
+            PluginError,
+            "metric 'nothing' of tests-nothing is broken: its factory makes .*NoMetric.*, no phrt",
+        ),
         (["badly"], {}, PluginError, "metric 'badly' of tests-badly is broken: a column cannot be called 'frame'"),
         (["wrongly"], {}, PluginError, "column 'mean_code' has better 'bigger'; allowed: lower, higher, neither"),
     ],
