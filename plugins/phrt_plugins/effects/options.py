@@ -81,8 +81,8 @@ class AmbientOcclusionOptions(Options):
     radius: float = Field(
         1.0, gt=0.0, json_schema_extra={"unit": "metres"}, description="how far an occluder counts, metres"
     )
-    fallback: Literal["screen_space", "constant"] = Field(
-        "screen_space",
+    fallback: Literal["constant", "screen_space"] = Field(
+        "constant",
         description="what untraced pixels get: `fallback_value`, or what the picture itself knows of what is near",
     )
     fallback_value: float = Field(1.0, ge=0.0, le=1.0, description="of the fallback `constant`; 1 is unoccluded")
