@@ -60,14 +60,14 @@ def clear_layers(effects: list[RayEffect], world: World, count: int, buffers: Bu
 
 
 def apply_fallbacks(
-    frame: Frame, effects: list[RayEffect], work: WorkItems, decisions: Decisions, layers: LayerSet, faults: Faults
-) -> None:
+    frame: Frame, effects: list[RayEffect], work: WorkItems, decisions: Decisions, layers: LayerSet, faults: Faults,
+    *, detailed: bool = True,
+) -> None:  # fmt: skip
     """Items that were not traced whole, and hold values of this frame or earlier ones, have their gaps filled; what is still
-    missing, and what holds none, takes the fallback. Without a budget of time, gaps keep the fallback's detail: looking it up
-    everywhere takes 12 to 17 ms at 640x360 on two cores, and with one that is time for rays."""
+    missing, and what holds none, takes the fallback. detailed: gaps keep the fallback's detail. Looking it up everywhere takes 12
+    to 17 ms at 640x360 on two cores, which within a budget of time is time for rays."""
     traced, units = decisions.traced_pixels, work.units
     part = (traced / np.maximum(decisions.candidates.pixel_count, 1))[units.item]
-    detailed = decisions.budget_unit != "ms"
     few = units.held + part * units.count < 0.5 * units.count
     for index, effect in enumerate(effects):
         mine = (units.effect == index) & (part < 1)

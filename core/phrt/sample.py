@@ -110,7 +110,9 @@ def take_sample(renderer: Renderer, moment: Moment, stages: Stages) -> Sample:
     stages.done("rays")
     if (decisions.traced_pixels < decisions.candidates.pixel_count).any():
         _prepare_fallbacks(renderer, frame)
-        apply_fallbacks(frame, run.effects, work, decisions, layers, run.faults)
+        # What repeats a recorded run has no budget, and knows what that run was short of.
+        short_of = getattr(run.terms.heuristic, "recorded_unit", unit)
+        apply_fallbacks(frame, run.effects, work, decisions, layers, run.faults, detailed=short_of != "ms")
     stages.done("fallbacks")
     image = buffers.take((count, 3))
     compose(

@@ -55,6 +55,9 @@ class Replay(Heuristic):
         self._requests: Iterator[Request] = iter(())
         self._warned = False
         units = self.run.frames.column("budget_unit").to_pylist() if self.run.frames.num_rows else []
+        self._units = units
+        self.recorded_unit = "none"
+        """Of the budget that the frame was recorded within."""
         # Then the recorded frames did without values of earlier ones, and so do these.
         everything = self.run.config["heuristic"]["traces_everything"]
         self.traces_everything = bool(everything) and all(unit == "none" for unit in units)
@@ -72,7 +75,9 @@ class Replay(Heuristic):
             )
 
     def begin_frame(self, candidates: Candidates, context: FrameContext) -> None:
-        recorded = self._traced.get((self.run.step_of(context.frame_index), context.sample))
+        step = self.run.step_of(context.frame_index)
+        self.recorded_unit = self._units[step]
+        recorded = self._traced.get((step, context.sample))
         self._requests = iter(())
         if recorded is None:
             return

@@ -90,7 +90,7 @@ def test_values_of_earlier_frames_come_again_also_for_some_frames_alone(tmp_path
     from phrt.recording import Recorder
 
     with (
-        renderer_of(heuristic="random", budget="1000rays") as renderer,
+        renderer_of(heuristic="random", budget="700rays") as renderer,
         Recorder(tmp_path / "run", renderer) as recorder,
     ):
         frames = []
@@ -196,7 +196,7 @@ def test_effects_that_were_off_are_off_again(tmp_path: Path) -> None:
 def test_a_run_that_was_cut_short_can_be_replayed(tmp_path: Path) -> None:
     from phrt.recording import Recorder
 
-    with renderer_of(heuristic="random", budget="2000rays") as renderer:
+    with renderer_of(heuristic="random", budget="700rays") as renderer:
         recorder = Recorder(tmp_path / "run", renderer)
         frames = [renderer.render(number / 30) for number in range(2)]
         for frame in frames:
