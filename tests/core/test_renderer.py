@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from candidate_kit import candidates
-from scene_kit import GLASS, LAMBERT, MIRROR, Stage, at, ball, box, floor, quad, turned
+from scene_kit import GLASS, LAMBERT, MIRROR, PLAIN_FALLBACKS, Stage, at, ball, box, floor, quad, turned
 
 import phrt
 from phrt.camera import CameraView, look_at
@@ -105,16 +105,15 @@ def test_a_frame_that_is_kept_is_not_overwritten_by_the_next() -> None:
 
 
 def test_raster_only_traces_nothing_and_looks_different() -> None:
-    fallbacks = {"shadows": {"fallback": "none"}, "reflections": {"fallback": "environment"}}
     with (
         renderer(room()) as all_trace,
-        renderer(room(), heuristic="raster_only", effects=fallbacks) as raster_only,
+        renderer(room(), heuristic="raster_only", effects=PLAIN_FALLBACKS) as raster_only,
     ):
         full, plain = all_trace.render(), raster_only.render()
     assert full.decisions.chosen.all()
     assert not plain.decisions.chosen.any()
     assert sum(count for name, count in plain.rays.items() if name != "primary") == 0
-    assert np.abs(full.image - plain.image).mean() > 0.005
+    assert np.abs(full.image - plain.image).mean() > 0.01
     np.testing.assert_array_equal(full.gbuffer.object_id, plain.gbuffer.object_id)
 
 
@@ -176,8 +175,8 @@ def test_a_quarter_of_the_rays_gives_a_coarser_picture_without_stripes_or_holes(
         traced = found == MASK_TRACED
         np.testing.assert_array_equal(quarter.layers[name][traced], whole.layers[name][traced])
     assert quarter.rays["shadows"] < 0.3 * whole.rays["shadows"]
-    plain = image(room(), heuristic="raster_only")
-    assert np.abs(quarter.image - whole.image).mean() < 0.8 * np.abs(plain - whole.image).mean()
+    plain = image(room(), heuristic="raster_only", effects=PLAIN_FALLBACKS)
+    assert np.abs(quarter.image - whole.image).mean() < 0.7 * np.abs(plain - whole.image).mean()
 
 
 def test_candidates_are_the_visible_objects_with_the_effects_that_change_them() -> None:

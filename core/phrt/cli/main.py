@@ -69,6 +69,7 @@ def command_of(entry: RegisteredPlugin, made: Any) -> Any:
             raise PluginError(f"{title} failed: {describe(error)}") from error
 
     if entry.origin != "built-in":
+        # Click's commands have nothing to hook into: their class is whatever the plugin's typer made.
         command.invoke = named  # type: ignore[assignment, method-assign]
     return command
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+from typing import SupportsIndex, cast
 
 import numpy as np
 
@@ -64,6 +65,6 @@ def check_array(what: str, array: object, shape: tuple[int, ...], dtype: type[np
 
 def _whole(value: object, what: str) -> int:
     try:
-        return operator.index(value)  # type: ignore[arg-type]
+        return operator.index(cast(SupportsIndex, value))
     except TypeError:
         raise Nonsense(f"{value!r:.80} {what}", "a whole number") from None

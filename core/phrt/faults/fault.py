@@ -64,7 +64,7 @@ class Nonsense(ValueError):
         self.given, self.wanted = given, wanted
 
 
-def fault_of(kind: str, plugin: object, cause: str, done: str = "") -> Fault:
+def fault_of(kind: str, plugin: Any, cause: str, done: str = "") -> Fault:
     """The fault of `plugin`, an object that the registry made or anybody else."""
     entry = origin_of(plugin)
     if entry is not None:
@@ -73,7 +73,7 @@ def fault_of(kind: str, plugin: object, cause: str, done: str = "") -> Fault:
     if kind in NAMED:
         # One that cannot even say its name is its class.
         with contextlib.suppress(Exception):
-            name = str(plugin.name)  # type: ignore[attr-defined]
+            name = str(plugin.name)
     return Fault(kind, name, "", cause, done)
 
 

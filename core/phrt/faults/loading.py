@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -142,9 +143,9 @@ def _track(title: str, track: Track, nodes: int) -> None:
     _need((np.diff(times) >= 0).all(), f"{title}.times that go back", "times in order")
 
 
-def _numbers(title: str, record: object) -> None:
+def _numbers(title: str, record: Any) -> None:
     """No number of a dataclass is NaN, also within tuples."""
-    for field in dataclasses.fields(record):  # type: ignore[arg-type]
+    for field in dataclasses.fields(record):
         value = getattr(record, field.name)
         for each in value if isinstance(value, tuple) else (value,):
             _need(not (isinstance(each, float) and math.isnan(each)), f"{title}.{field.name} {value}", "numbers")

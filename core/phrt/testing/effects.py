@@ -161,7 +161,7 @@ class _Check:
         shape = (count, self.effect.writes.width(self.frame.world))
         fits = isinstance(values, np.ndarray) and values.dtype == np.float32 and values.shape == shape
         self._holds(fits, f"{method} returns values float32{shape}, not {_kind(values)}")
-        self._holds(np.isfinite(values).all(), f"values of {method} are finite")  # type: ignore[call-overload]
+        self._holds(np.isfinite(np.asarray(values)).all(), f"values of {method} are finite")
 
     def _whatever_the_others_are(self, pixels: np.ndarray, result: EffectResult) -> None:
         """A pixel's value is the same in any company, from any thread."""

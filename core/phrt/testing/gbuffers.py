@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -60,7 +61,7 @@ def check_gbuffer(gbuffer: Given, options: Mapping[str, object] | BaseModel | No
     """
     make = Maker("gbuffer", gbuffer, options)
     for check in CHECKS:
-        make.contract.call(check.__name__.strip("_").replace("_", " "), lambda check=check: check(make))  # type: ignore[misc]
+        make.contract.call(check.__name__.strip("_").replace("_", " "), partial(check, make))
 
 
 def busy_world() -> World:

@@ -218,8 +218,11 @@ def _check_take(contract: Contract, heuristic: Heuristic, case: Case, work: Cand
 
 def _as_table(contract: Contract, taken: object, case: Case) -> np.ndarray:
     """(k, 2) items and passes of what `take` returned."""
-    fits = isinstance(taken, np.ndarray) and taken.dtype.kind in "iu"
-    fits = fits and (taken.ndim == 1 or (taken.ndim == 2 and taken.shape[1] == 2))  # type: ignore[attr-defined]
+    fits = (
+        isinstance(taken, np.ndarray)
+        and taken.dtype.kind in "iu"
+        and (taken.ndim == 1 or (taken.ndim == 2 and taken.shape[1] == 2))
+    )
     contract.holds(fits, f"take returns (k,) or (k, 2) integers or None, not {taken!r:.80}", case)
     array = np.asarray(taken)
     return array if array.ndim == 2 else np.stack([array, np.full(len(array), PASSES)], axis=1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -43,14 +44,20 @@ def check_loader(
     contract.holds(isinstance(make(), Loader), "it is a phrt.interfaces.loader.Loader")
     for file in map(Path, files) if files else [Path("scene.yaml")]:
         before = file.read_bytes() if file.is_file() else b""
-        model = contract.call("load()", lambda file=file: make().load(file, context_of(file)), file.name)  # type: ignore[misc]
+        load = partial(_loaded, make, file)
+        model = contract.call("load()", load, file.name)
         contract.holds(isinstance(model, Model), f"it returns a phrt.model.Model, not {model!r:.80}", file.name)
         check_model(contract, model, file.name)
-        again = contract.call("load()", lambda file=file: make().load(file, context_of(file)), file.name)  # type: ignore[misc]
+        again = contract.call("load()", load, file.name)
         contract.holds(same(model, again), "the same file gives the same model", file.name)
         if file.is_file():
             contract.holds(file.read_bytes() == before, "a file is not written to", file.name)
             _check_broken_files(contract, make, file)
+
+
+def _loaded(make: Maker, file: Path) -> Any:
+    """What a new loader makes of `file`."""
+    return make().load(file, context_of(file))
 
 
 def context_of(file: Path) -> LoadContext:

@@ -7,6 +7,7 @@ import pickle
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import fields, replace
+from functools import partial
 from numbers import Real
 from typing import Any, get_args
 
@@ -190,7 +191,7 @@ class _Check:
         found = {}
         for case, example in examples.items():
             before = _copies(example)
-            found[case] = self.measures(self._contract.call(method, lambda e=example: measure(e), case), case)  # type: ignore[misc]
+            found[case] = self.measures(self._contract.call(method, partial(measure, example), case), case)
             same = all(
                 np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
                 for a, b in zip(before, _arrays(example), strict=True)
@@ -198,7 +199,7 @@ class _Check:
             self._contract.holds(same, f"{method} does not change what it is given", case)
         for case, example in reversed(list(examples.items())):
             for who, again in (("called again", measure), ("pickled", of_copy)):
-                values = self.measures(self._contract.call(method, lambda e=example, a=again: a(e), case), case)  # type: ignore[misc]
+                values = self.measures(self._contract.call(method, partial(again, example), case), case)
                 same = values.keys() == found[case].keys() and all(
                     math.isclose(value, found[case][name], rel_tol=CLOSE, abs_tol=CLOSE)
                     or (math.isnan(value) and math.isnan(found[case][name]))

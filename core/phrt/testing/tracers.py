@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -42,10 +43,15 @@ def check_tracer(tracer: Given, options: Mapping[str, object] | BaseModel | None
     contract.holds(isinstance(described, TracerCapabilities), "`capabilities` is a TracerCapabilities")
     contract.call("close of one that was never built", made.close)
     for check in CHECKS:
-        contract.call(check.__name__.strip("_").replace("_", " "), lambda check=check: check(_Bench(make, contract)))  # type: ignore[misc]
+        contract.call(check.__name__.strip("_").replace("_", " "), partial(_checked, check, make, contract))
 
 
 # What checks use
+
+
+def _checked(check: Callable[[_Bench], None], make: Maker, contract: Contract) -> None:
+    """On a bench of its own."""
+    check(_Bench(make, contract))
 
 
 def rays_of(origin: Any, direction: Any, t_max: Any = np.inf) -> RayBatch:

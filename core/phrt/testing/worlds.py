@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -136,10 +137,10 @@ def world_of(
 
 def front_view(**changes: object) -> CameraView:
     """From (0, 0, 2) down -Z with a 53 degree field: x, y in -1..1 at z = 0 fill the picture exactly."""
-    values: dict[str, object] = {
+    values: dict[str, Any] = {
         "width": SIZE,
         "height": SIZE,
         "tan_half": (0.5, 0.5),
         "world_from_view": look_at((0, 0, 2), (0, 0, 0)),
     }
-    return CameraView(**(values | changes))  # type: ignore[arg-type]
+    return CameraView(**(values | changes))
