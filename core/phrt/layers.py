@@ -64,8 +64,8 @@ def apply_fallbacks(
     *, detailed: bool = True,
 ) -> None:  # fmt: skip
     """Items that were not traced whole, and hold values of this frame or earlier ones, have their gaps filled; what is still
-    missing, and what holds none, takes the fallback. detailed: gaps keep the fallback's detail. Looking it up everywhere takes 12
-    to 17 ms at 640x360 on two cores, which within a budget of time is time for rays."""
+    missing, and what holds none, takes the fallback. detailed: gaps keep the fallback's detail. Looking it up everywhere takes
+    time, which within a budget of time is time for rays."""
     traced, units = decisions.traced_pixels, work.units
     part = (traced / np.maximum(decisions.candidates.pixel_count, 1))[units.item]
     few = units.held + part * units.count < 0.5 * units.count
